@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["__version__", "compare", "load", "load_text", "render", "show", "sweep"]
 
 __version__ = VERSION
-LOADING = ("sets", "time", "allow", "variants", "max_elements", "diagnostics")  # the options of `load` that are no params
+LOADING = ("sets", "time", "allow", "variants", "max_elements", "diagnostics")  # the options of `load` that are not params
 
 
 def load(
@@ -75,18 +75,18 @@ def load(
                 path, sets=sets, time=time, allow=(*folders, *more), variants=variants, max_elements=max_elements, diagnostics=diagnostics,
                 **params,
             )  # fmt: skip
-    found = diagnostics if diagnostics is not None else messages.Diagnostics()
-    earlier_count = len(found.items)
+    collected = diagnostics if diagnostics is not None else messages.Diagnostics()
+    earlier_count = len(collected.items)
     param_values = {name: as_text(value) for name, value in {**params, **(sets or {})}.items()}
     time = read("time", time, setting_values.seconds)
-    max_elements = read("max_elements", max_elements, setting_values.whole(1, sys.maxsize))
+    max_elements = read("max_elements", max_elements, setting_values.whole_number(1, sys.maxsize))
     compiled = loader.load(
         Path(source), sets=param_values, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
-        diagnostics=found, seconds={},
+        diagnostics=collected, seconds={},
     )  # fmt: skip
     if diagnostics is None:
-        warn(found.items, 2)
-    return Scene.of(compiled, found.items[earlier_count:])
+        warn(collected.items, 2)
+    return Scene.of(compiled, collected.items[earlier_count:])
 
 
 def _written(source: Any, folder: Path) -> tuple[Path, list[Path]]:
@@ -181,10 +181,10 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
     file = Path(path)
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file}")
-    made = partial(loader.load, file, allow=tuple(Path(folder) for folder in allow))
+    loader_of_file = partial(loader.load, file, allow=tuple(Path(folder) for folder in allow))
     settings, params = split(options)
     sets = {name: as_text(value) for name, value in params.items()}
-    return Widget(Opened(file, made, picture_settings(settings), plan or {}, sets))
+    return Widget(Opened(file, loader_of_file, picture_settings(settings), plan or {}, sets))
 
 
 def compare(image: "Image | str | Path", reference: "Image | str | Path") -> "Difference":

@@ -30,32 +30,32 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--simd", choices=list(limits.WIDTHS), default="", help="keep everybody to these vectors: sections of their own")
     parser.add_argument("--results", type=Path, help="the file to write (bench/RESULTS.md, but none with --quick)")
     parser.add_argument("--only", metavar="PART", default="", help=f"one part of {parts}")
-    asked = parser.parse_args(arguments)
-    if asked.results is None and not asked.quick:
-        asked.results = report.RESULTS
-    names = asked.names or list(NAMES)
+    options = parser.parse_args(arguments)
+    if options.results is None and not options.quick:
+        options.results = report.RESULTS
+    names = options.names or list(NAMES)
     unknown = [name for name in names if name not in NAMES]
     if unknown:
         parser.error(f"no benchmark is called {unknown[0]}; there are: {', '.join(NAMES)}")
-    if asked.only and any(asked.only not in SECTION_PARTS.get(name, ()) for name in names):
-        parser.error(f"no part of {names[0]} is called {asked.only}")
+    if options.only and any(options.only not in SECTION_PARTS.get(name, ()) for name in names):
+        parser.error(f"no part of {names[0]} is called {options.only}")
     if len(names) > 1:
-        return max(_run_in_process(name, asked) for name in names)
-    known = limits.simd()
-    limits.limit(os.environ, asked.simd, CORES.get(names[0], 1))
-    if limits.simd() != known:  # the vectors of kernels are selected at import
+        return max(_run_in_process(name, options) for name in names)
+    limited = limits.simd()
+    limits.limit(os.environ, options.simd, CORES.get(names[0], 1))
+    if limits.simd() != limited:  # the vectors of kernels are selected at import
         words = sys.argv[1:] if arguments is None else arguments
         return subprocess.run([sys.executable, "-P", "-m", "maquette.bench", *words]).returncode
-    return run(names[0], asked.quick, asked.results, asked.only)
+    return run(names[0], options.quick, options.results, options.only)
 
 
-def _run_in_process(name: str, asked: argparse.Namespace) -> int:
+def _run_in_process(name: str, options: argparse.Namespace) -> int:
     """Run one benchmark in its own process, as the libraries of peers conflict."""
     command = [sys.executable, "-P", "-m", "maquette.bench", name]
-    command += ["--quick"] if asked.quick else []
-    command += ["--simd", asked.simd] if asked.simd else []
-    command += ["--only", asked.only] if asked.only else []
-    command += ["--results", str(asked.results)] if asked.results else []
+    command += ["--quick"] if options.quick else []
+    command += ["--simd", options.simd] if options.simd else []
+    command += ["--only", options.only] if options.only else []
+    command += ["--results", str(options.results)] if options.results else []
     return subprocess.run(command).returncode
 
 
@@ -65,15 +65,15 @@ def run(name: str, quick: bool, results: Path | None, only: str = "") -> int:
     module = importlib.import_module(f".{name}", __package__)
     effort = Effort(rounds=2, fewest=1) if quick else Effort()
     section: report.Section = module.section(quick, effort, only) if only else module.section(quick, effort)
-    whole = [section, *section.parts]
-    for line in (*(f"not measured: {why}" for one in whole for why in one.missing), *(line for one in whole for line in one.blocks)):
+    parts = [section, *section.parts]
+    for line in (*(f"not measured: {why}" for part in parts for why in part.missing), *(line for part in parts for line in part.blocks)):
         print(line, end="\n\n", flush=True)
     if limits.simd():
-        for one in whole:
-            one.key, one.title = f"{one.key} {limits.simd()}", f"{one.title}, {limits.NAMES[limits.simd()]} for all"
+        for part in parts:
+            part.key, part.title = f"{part.key} {limits.simd()}", f"{part.title}, {limits.NAMES[limits.simd()]} for all"
     if results is not None:
         report.write(section, results)
-    refused = [line for one in whole for line in one.refused]
+    refused = [line for part in parts for line in part.refused]
     for line in refused:
         print(f"answers differ: {line}", file=sys.stderr)
     return 1 if refused else 0

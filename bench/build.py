@@ -27,17 +27,17 @@ def section(quick: bool, effort: Effort) -> report.Section:
     peers = Peers()
     warm_up()
     rays = meshes.primary(64 if quick else 256)
-    found = report.Section("build", "Building trees", TEXT)
+    result = report.Section("build", "Building trees", TEXT)
     results = []
     for name, size in meshes.sizes(quick).items():
         mesh = meshes.knot(*size)
         kept_too = [functools.partial(read_back, mesh, rays)] if len(mesh.triangles) >= tree_cache.LARGE else []
         contenders = peers.gather(functools.partial(our_build, mesh, rays), *kept_too, functools.partial(embree_build, mesh, rays))
         results.append(measure(Case(f"{name} triangles", contenders, agree_closest, len(mesh.triangles)), effort))
-    found.add("One mesh", results, "Mtriangles/s")
-    found.missing = peers.missing
-    found.versions = report.version_of("embreex")
-    return found
+    result.add("One mesh", results, "Mtriangles/s")
+    result.missing = peers.missing
+    result.versions = report.version_of("embreex")
+    return result
 
 
 def our_build(mesh: Mesh, rays: Rays) -> Contender:
@@ -57,7 +57,7 @@ def read_back(mesh: Mesh, rays: Rays) -> Contender:
         return traced.build(tables, threads=1)
 
     trees()
-    return Contender(f"{OURS} from disk", trees, lambda made: closest(rays, made)())
+    return Contender(f"{OURS} from disk", trees, lambda tree: closest(rays, tree)())
 
 
 def embree_build(mesh: Mesh, rays: Rays) -> Contender:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import itertools
 import json
@@ -64,9 +63,9 @@ class Tab:
 
     def js(self, expression: str) -> Any:
         """The value of an expression in the page."""
-        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in found, found["exceptionDetails"]
-        return found["result"].get("value")
+        reply = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in reply, reply["exceptionDetails"]
+        return reply["result"].get("value")
 
     def wait(self, expression: str, seconds: float = 20.0) -> Any:
         """The value of an expression once it is true."""
@@ -88,9 +87,9 @@ class Tab:
         return box[0] + x * box[2], box[1] + y * box[3]
 
     def click(self, selector: str, x: float = 0.5, y: float = 0.5) -> None:
-        at = self.place(selector, x, y)
-        self.mouse("mousePressed", *at, buttons=1)
-        self.mouse("mouseReleased", *at)
+        position = self.place(selector, x, y)
+        self.mouse("mousePressed", *position, buttons=1)
+        self.mouse("mouseReleased", *position)
 
     def drag(self, selector: str, dx: float, dy: float, steps: int = 8, modifiers: int = 0) -> None:
         x, y = self.place(selector)
@@ -116,9 +115,6 @@ class Tab:
     def size(self, width: int, height: int, scale: float = 1.0, dark: bool = False) -> None:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=width < 600)
         self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
-
-    def screenshot(self, path: Path) -> None:
-        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def close(self) -> None:
         with contextlib.suppress(Exception):

@@ -44,7 +44,7 @@ BOX = Path(__file__).resolve().parent / "scenes" / "cornell.scene"
 
 def section(quick: bool, effort: Effort) -> report.Section:
     """Measure two workers, and simulate up to a thousand."""
-    found = report.Section("cluster", "A cluster", TEXT)
+    result = report.Section("cluster", "A cluster", TEXT)
     side, samples = (48, 8) if quick else (512, 2048)  # a minute on two cores
     scene = load(BOX)
     began = time.perf_counter()
@@ -56,12 +56,12 @@ def section(quick: bool, effort: Effort) -> report.Section:
             Contender(OURS, lambda: _draw(cluster, scene, plan), np.asarray, note="two workers"),
             Contender("one process", lambda: render_scene.draw(scene, plan), np.asarray),
         ]
-        found.add("One picture", [measure(Case("Cornell box", sides, same), effort)], "", by="wall")
+        result.add("One picture", [measure(Case("Cornell box", sides, same), effort)], "", by="wall")
         message = message_seconds(cluster, scene, 256 if quick else 1024)
-    found.blocks.append(f"Start: {start:.1f} s. A message: {message * 1e3:.2g} ms.")
+    result.blocks.append(f"Start: {start:.1f} s. A message: {message * 1e3:.2g} ms.")
     tasks = TASKS // 50 if quick else TASKS
-    found.blocks += simulation(tasks, message / 2.0)
-    return found
+    result.blocks += simulation(tasks, message / 2.0)
+    return result
 
 
 def _draw(cluster: dask_cluster.Cluster, scene: ir.Scene, plan: Any) -> Any:
@@ -134,17 +134,17 @@ class Cluster:
     def drop(self, handle: Any) -> None:
         """See dispatcher.Wire."""
 
-    def _later(self, at: float, then: Callable[[float], None]) -> None:
-        heapq.heappush(self.events, (at, next(self._number), then))
+    def _later(self, when: float, then: Callable[[float], None]) -> None:
+        heapq.heappush(self.events, (when, next(self._number), then))
 
-    def _forward(self, at: float, then: Callable[[float], None]) -> None:
+    def _forward(self, when: float, then: Callable[[float], None]) -> None:
         """Let the scheduler pass a message on."""
 
         def serve(now: float) -> None:
             self._scheduler = max(now, self._scheduler) + 0.5 * self._cost
             self._later(self._scheduler + LATENCY, then)
 
-        self._later(at, serve)
+        self._later(when, serve)
 
     def _take(self, now: float, then: Callable[[Any], None], answer: bytes) -> None:
         self._clock.now = max(self._clock.now, now) + 0.5 * self._cost
@@ -172,20 +172,20 @@ def simulate(workers: int, cost: float, works: np.ndarray) -> Outcome:
     clock = Clock()
     with mock.patch.object(dispatcher, "time", clock), mock.patch.object(requests, "time", clock):
         cluster = Cluster(clock, works, cost)
-        made = dispatcher.Dispatcher(cluster)
+        dispatch = dispatcher.Dispatcher(cluster)
         work = requests.Work(messages.Parcel("scene", [], {}), [])
         waiting = (requests.Request(work, {"do": "batch", "number": k}, {}, 1.0) for k in range(len(works)))
         heard = -HEARTBEAT
         while True:
             if clock.now >= heard + HEARTBEAT:
                 heard = clock.now
-                found = {f"w{k}": (1, heard, False) for k in range(workers)}
-                cluster.run(lambda found=found: made.update(found))
-            for request in itertools.islice(waiting, MOST - len(made.requests)):
-                made.ask(request)
-            if not made.requests:
+                heartbeats = {f"w{k}": (1, heard, False) for k in range(workers)}
+                cluster.run(lambda heartbeats=heartbeats: dispatch.update(heartbeats))
+            for request in itertools.islice(waiting, MOST - len(dispatch.requests)):
+                dispatch.ask(request)
+            if not dispatch.requests:
                 return Outcome(clock.now, cluster.messages, cluster.pace)
-            cluster.run(made.tick)
+            cluster.run(dispatch.tick)
             until = max(clock.now, min(cluster.events[0][0] if cluster.events else math.inf, heard + HEARTBEAT))
             clock.now = until
             while cluster.events and cluster.events[0][0] <= until:
@@ -199,9 +199,9 @@ def simulation(tasks: int, cost: float) -> list[str]:
     works = np.random.default_rng(1).lognormal(math.log(SECONDS) - 0.5 * sigma * sigma, sigma, tasks)
     rows = []
     for workers in WORKERS:
-        found = simulate(workers, cost, works)
-        busy = float(works.sum()) / (workers * found.seconds)
-        each = f"{1e3 * found.dispatching / found.messages:.2f} ms"
-        rows.append((f"{workers:,}", f"{found.seconds:,.0f} s", f"{100.0 * busy:.1f} %", f"{found.messages:,}", each))
+        outcome = simulate(workers, cost, works)
+        busy = float(works.sum()) / (workers * outcome.seconds)
+        each = f"{1e3 * outcome.dispatching / outcome.messages:.2f} ms"
+        rows.append((f"{workers:,}", f"{outcome.seconds:,.0f} s", f"{100.0 * busy:.1f} %", f"{outcome.messages:,}", each))
     about = MODEL.format(tasks=tasks, window=MOST, seconds=SECONDS, spread=sigma, cost=cost, latency=LATENCY)
     return [about.strip(), report.grid(("workers", "time", "busy", "messages", "dispatcher, a message"), rows)]

@@ -136,11 +136,11 @@ def divide(picture: Picture) -> Division:
 def _write(image: Image) -> tuple[float, float]:
     """CPU seconds of writing a picture on two threads: of the caller's, and of the other."""
     with tempfile.TemporaryDirectory() as folder:
-        here, all_threads = time.thread_time(), time.process_time()
+        caller, all_threads = time.thread_time(), time.process_time()
         exposure = image_files.auto_exposure(image.channels["rgba"], 2)
         image_files.write(image, Path(folder, "a.png"), image_files.Look(exposure), {}, 2)
-        here, all_threads = time.thread_time() - here, time.process_time() - all_threads
-    return here, all_threads - here
+        caller, all_threads = time.thread_time() - caller, time.process_time() - all_threads
+    return caller, all_threads - caller
 
 
 class _Kernels(threading.local):

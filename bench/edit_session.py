@@ -68,14 +68,14 @@ CHANGED: dict[str, dict[str, str]] = {  # the edits after them: each changes the
 
 def scenes() -> dict[str, str]:
     """The text of the scene after each edit, by the edit's name."""
-    found, lines = {}, ""
+    texts, lines = {}, ""
     for name, line in ADDED.items():
         lines += f"{line}\n" if line else ""
-        found[name] = BASE.format(**USUAL, more=lines)
+        texts[name] = BASE.format(**USUAL, more=lines)
     for name, change in CHANGED.items():
         parts = {part: text.replace("{usual}", USUAL[part][:-1]) if part in USUAL else text for part, text in change.items()}
-        found[name] = BASE.format(**{**USUAL, "more": "", **parts})
-    return found
+        texts[name] = BASE.format(**{**USUAL, "more": "", **parts})
+    return texts
 
 
 WEDGE = "v -1 0 -3\nv 1 0 -3\nv 0 2 -3\nv 0 0 -2\nf 1 2 3\nf 2 4 3\nf 4 1 3\n"

@@ -80,7 +80,7 @@ def _random_tape(operations: int, seed: int) -> Tape:
 def section(quick: bool, effort: Effort) -> Section:
     """Measure edits of formulas."""
     common_options.raise_gc_threshold()  # as the command line does
-    found = Section("edits", "Edits of a formula", TEXT)
+    result = Section("edits", "Edits of a formula", TEXT)
     rows: list[tuple[str, ...]] = []
     for name, relation in SMALL.items():
         for shadows in (False, True):
@@ -88,11 +88,11 @@ def section(quick: bool, effort: Effort) -> Section:
             spent, same = redraw(relation, shadows, *((3, 64) if quick else ()))
             rows.append((what, "maquette", *_spread(spent)))
             if not same:
-                found.refused.append(f"{what}: a number that comes back brings another picture")
+                result.refused.append(f"{what}: a number that comes back brings another picture")
     rows.append(("a new formula of 200 operations", "maquette", *_spread(first_use(formulas=3 if quick else 15))))
     answer = "Answers. A number that comes back brings its picture back, bit for bit."
-    found.blocks += [grid(("", "", "CPU, ms", "least", "most"), rows), answer]
-    return found
+    result.blocks += [grid(("", "", "CPU, ms", "least", "most"), rows), answer]
+    return result
 
 
 def _spread(spent: list[float]) -> tuple[str, str, str]:

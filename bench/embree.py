@@ -55,11 +55,11 @@ def library() -> ctypes.CDLL:
     files = [Path(str(f.locate())) for f in metadata.files("embreex") or () if "embree4" in f.name]
     if not files:
         raise Missing(f"embreex brings no Embree 4 library here ({INSTALL})")
-    found = ctypes.CDLL(str(files[0]))
+    embree = ctypes.CDLL(str(files[0]))
     for name, (result, arguments) in _SIGNATURES.items():
-        function = getattr(found, name)
+        function = getattr(embree, name)
         function.restype, function.argtypes = result, arguments
-    return found
+    return embree
 
 
 class Device:

@@ -51,7 +51,7 @@ POINT = (0, 1, 2)
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     """Measure all models at one or two sizes and against POV-Ray, or only one of NAMES. Each part records its own machine and day."""
-    found = report.Section("formulas", "Formula surfaces", TEXT)
+    result = report.Section("formulas", "Formula surfaces", TEXT)
     for k, name in enumerate(NAMES):
         if only not in ("", name) or (quick and not only and name == "1024"):
             continue
@@ -63,12 +63,12 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
             less = effort if name == "512" else replace(effort, fewest=min(effort.fewest, 2), seconds=effort.seconds / 2)
             results = against_fidget(peers, 32 if quick else int(name), less)
         if not results:
-            found.missing = [*found.missing, *peers.missing]
+            result.missing = [*result.missing, *peers.missing]
             continue
         part = report.Section(f"formulas {k + 1} {name}", title, "", missing=peers.missing, level=3)
         part.add("Each model", results, "M rays/s", by="cpu")
-        found.parts.append(part)
-    return found
+        result.parts.append(part)
+    return result
 
 
 def against_fidget(peers: Peers, size: int, effort: Effort) -> list[Result]:
@@ -113,13 +113,13 @@ class ModelCase:
         n = len(self.origin)
         forms = self.forms()
         tape_jit.finish()
-        given, frame = packet_state.ray_columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
+        columns, frame = packet_state.ray_columns(self.origin, self.way, 0.0, np.inf), np.eye(4)[:3]
         out = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n), np.empty(n)
 
         def work() -> Any:
             packet = Handle(packet_memory.allocate(forms, 0))
             out[0][:] = np.inf
-            if packets.trace(packet, given, 0, n, frame, packets.HitColumns(*out, 0)) < n:
+            if packets.trace(packet, columns, 0, n, frame, packets.HitColumns(*out, 0)) < n:
                 raise RuntimeError("no packet")
             return out[0]
 
@@ -130,9 +130,9 @@ class ModelCase:
 
     def _rows(self, values: np.ndarray) -> np.ndarray:
         """Packet-ordered values in the order of the picture."""
-        found = np.empty_like(values)
-        found[self.order] = values
-        return found
+        ordered = np.empty_like(values)
+        ordered[self.order] = values
+        return ordered
 
     def one_by_one(self) -> np.ndarray:
         """The same hits by single rays."""
@@ -224,8 +224,8 @@ def trace(forms, address, origin, direction, t, spacing, u, v):
     for start in range(0, n, crosslane.WIDTH):
         o, d = ray_queries.load_vectors(origin, start, n), ray_queries.load_vectors(direction, start, n)
         zero = 0.0 * o[0]
-        at, units, a, b, _ = intersect.call(address, (forms, np.int64(0), o, d, zero, zero + np.inf))
-        ray_queries.store_numbers(t, start, n, at)
+        distance, units, a, b, _ = intersect.call(address, (forms, np.int64(0), o, d, zero, zero + np.inf))
+        ray_queries.store_numbers(t, start, n, distance)
         ray_queries.store_numbers(spacing, start, n, units)
         ray_queries.store_numbers(u, start, n, a)
         ray_queries.store_numbers(v, start, n, b)
@@ -252,11 +252,11 @@ def models() -> dict[str, Tape]:
         "torus": _torus, "heart": _heart, "gyroid shell": _gyroid, "Barth sextic": _barth, "metaballs": _metaballs,
         "smooth union": _smooth, "100 balls": _balls, "perforated plate": _plate, "colonnade": _colonnade, "bear": _bear,
     }  # fmt: skip
-    made = {}
+    tapes = {}
     for name, maker in makers.items():
         b = Builder()
-        made[name] = b.finish(maker(b))
-    return made
+        tapes[name] = b.finish(maker(b))
+    return tapes
 
 
 def _torus(b: Builder) -> int:
@@ -307,8 +307,8 @@ def _spheres(b: Builder, count: int, spread: float, low: float, high: float) -> 
 
 def _blend(b: Builder, first: int, second: int, radius: float) -> int:
     """The union of two fields, filled by an arc as if their surfaces met at right angles."""
-    one, other = (b.linear([(-1.0, name)], radius) for name in (first, second))
-    return b.linear([(-1.0, b.op(Op.ARC, one, other, b.constant(0.0)))], radius)
+    first_gap, second_gap = (b.linear([(-1.0, name)], radius) for name in (first, second))
+    return b.linear([(-1.0, b.op(Op.ARC, first_gap, second_gap, b.constant(0.0)))], radius)
 
 
 def _smooth(b: Builder) -> int:
@@ -364,12 +364,12 @@ def _bear(b: Builder) -> int:
         blobs += [((0.34 * side + 0.05 * k * side, -0.02 - 0.06 * k, 0.06 * k), (0.1, 0.11, 0.1)) for k in range(5)]
         blobs += [((0.2 * side + 0.02 * k * side, -0.5 - 0.03 * k, 0.08 * k), (0.13, 0.14, 0.13)) for k in range(6)]
         blobs += [((0.1 * side, 0.44, 0.22), (0.03, 0.035, 0.02)), ((0.28 * side, -0.64, 0.42), (0.1, 0.09, 0.06))]
-    found = -1
+    union = -1
     for center, radii in blobs:
         point = [b.scale(name, 1 / r) for name, r in zip(_distance_vector(b, np.array(center, float)), radii, strict=True)]
-        one = b.scale(b.offset(solid_fields.length(b, point), -1.0), min(radii))
-        found = one if found < 0 else _blend(b, found, one, 0.04)
-    return found
+        ellipsoid = b.scale(b.offset(solid_fields.length(b, point), -1.0), min(radii))
+        union = ellipsoid if union < 0 else _blend(b, union, ellipsoid, 0.04)
+    return union
 
 
 _WORDS = {
@@ -386,8 +386,8 @@ def povray_formula(tape: Tape) -> str:
         return values[name] if name >= 0 else f"({float(tape.constants[~name])!r})"
 
     for op, *operands in tape.code.tolist():
-        given = [named(name) for name in operands[: arity(op)]]
-        values.append(_POVRAY[Op(op)].format(*given)[: 2 * MAX_FORMULA])
+        operand_texts = [named(name) for name in operands[: arity(op)]]
+        values.append(_POVRAY[Op(op)].format(*operand_texts)[: 2 * MAX_FORMULA])
     return named(tape.results[0])
 
 
@@ -420,16 +420,16 @@ def fidget_text(tape: Tape) -> str:
         return f"_v{name}" if name >= 0 else f"_c{~name}"
 
     for i, (op, *operands) in enumerate(tape.code.tolist()):
-        given = [named(name) for name in operands[: arity(op)]]
+        names = [named(name) for name in operands[: arity(op)]]
         out = f"_v{INPUTS + i}"
         if op == Op.HYPOT:
-            lines += [f"{out}a square {given[0]}", f"{out}b square {given[1]}", f"{out}s add {out}a {out}b", f"{out} sqrt {out}s"]
+            lines += [f"{out}a square {names[0]}", f"{out}b square {names[1]}", f"{out}s add {out}a {out}b", f"{out} sqrt {out}s"]
         elif op == Op.CUBE:
-            lines += [f"{out}s square {given[0]}", f"{out} mul {out}s {given[0]}"]
+            lines += [f"{out}s square {names[0]}", f"{out} mul {out}s {names[0]}"]
         elif op == Op.QUARTER_ARC:
-            lines += [f"{out}z const 0.0", f"{out}r max {given[0]} {out}z", f"{out}s max {given[1]} {out}z", f"{out}t square {out}r"]
+            lines += [f"{out}z const 0.0", f"{out}r max {names[0]} {out}z", f"{out}s max {names[1]} {out}z", f"{out}t square {out}r"]
             lines += [f"{out}u square {out}s", f"{out}v add {out}t {out}u", f"{out}h sqrt {out}v"]
-            lines += [f"{out}m max {given[0]} {given[1]}", f"{out} max {out}m {out}h"]
+            lines += [f"{out}m max {names[0]} {names[1]}", f"{out} max {out}m {out}h"]
         else:
-            lines.append(f"{out} {_WORDS[Op(op)]} {' '.join(given)}")
+            lines.append(f"{out} {_WORDS[Op(op)]} {' '.join(names)}")
     return "\n".join(lines) + "\n"

@@ -87,7 +87,7 @@ class Spread:
     high: float
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Spread:
+    def from_values(cls, values: Sequence[float]) -> Spread:
         """The spread of at least one value; quartiles by linear interpolation, as in numpy."""
         if len(values) == 1:
             return cls(values[0], values[0], values[0])
@@ -104,7 +104,7 @@ class Times:
     runs: tuple[Seconds, ...]
 
     def spread(self, of: str = "cpu") -> Spread:
-        return Spread.of([getattr(run, of) for run in self.runs])
+        return Spread.from_values([getattr(run, of) for run in self.runs])
 
     def compile(self) -> float:
         """CPU seconds of the first run beyond the median; 0 if that is noise."""
@@ -120,12 +120,12 @@ class Result:
     agreement: str = ""
     refused: str = ""
 
-    def of(self, name: str) -> Times:
+    def times_of(self, name: str) -> Times:
         return next(t for t in self.times if t.contender.name == name)
 
     def ratio(self, name: str, of: str = "cpu") -> float:
         """The time of `name` over that of maquette: the median over rounds."""
-        pairs = zip(self.of(name).runs, self.of(OURS).runs, strict=True)
+        pairs = zip(self.times_of(name).runs, self.times_of(OURS).runs, strict=True)
         return statistics.median(getattr(theirs, of) / max(getattr(ours, of), 1e-9) for theirs, ours in pairs)
 
 
@@ -184,11 +184,11 @@ class Peers:
 
     def gather(self, *factories: Callable[[], Contender]) -> list[Contender]:
         """The contenders of installed peers, in order."""
-        made: list[Contender] = []
+        contenders: list[Contender] = []
         for factory in factories:
             try:
-                made.append(factory())
+                contenders.append(factory())
             except Missing as why:
                 if str(why) not in self.missing:
                     self.missing.append(str(why))
-        return made
+        return contenders

@@ -32,20 +32,20 @@ and of thumbnails of small meshes, the second time.
 
 def section(quick: bool, effort: Effort) -> report.Section:
     """Measure a stage, an OBJ file, and two whole processes."""
-    found = report.Section("imports", "Importing files", TEXT)
+    result = report.Section("imports", "Importing files", TEXT)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         count, pictures, size = (3, 2, (20, 10)) if quick else (400, 24, (100, 50))
         path = stage(folder, count, pictures, meshes.knot(*size))
         sides = [Contender(OURS, lambda: _ours(path), _of_scene), Contender("usd-core", lambda: _usd_core(path))]
-        found.add("Stage", [measure(Case(f"{count} meshes, {pictures} pictures", sides, agree), effort)], "", by="cpu")
+        result.add("Stage", [measure(Case(f"{count} meshes, {pictures} pictures", sides, agree), effort)], "", by="cpu")
         knot = meshes.knot(*meshes.sizes(quick)["2k" if quick else "1M"])
         text = obj(folder, knot)
         alone = [Contender(OURS, lambda: _ours(text), _of_scene)]
-        found.add("OBJ", [measure(Case(f"{len(knot.triangles):,} triangles", alone, lambda _: "no peer"), effort)], "")
-        found.blocks += ["**Whole processes**", report.grid(("", "CPU, s", "wall, s", "peak, MB"), processes(folder, quick))]
-    found.versions = report.version_of("usd-core")
-    return found
+        result.add("OBJ", [measure(Case(f"{len(knot.triangles):,} triangles", alone, lambda _: "no peer"), effort)], "")
+        result.blocks += ["**Whole processes**", report.grid(("", "CPU, s", "wall, s", "peak, MB"), processes(folder, quick))]
+    result.versions = report.version_of("usd-core")
+    return result
 
 
 def stage(folder: Path, count: int, pictures: int, mesh: meshes.Mesh) -> Path:
@@ -56,10 +56,10 @@ def stage(folder: Path, count: int, pictures: int, mesh: meshes.Mesh) -> Path:
     rng = np.random.default_rng(1)
     for k in range(pictures):
         Image.fromarray(rng.integers(0, 255, (512, 512, 3), np.uint8)).save(folder / f"p{k}.png")
-    made = Usd.Stage.CreateNew(str(folder / "stage.usdc"))
+    usd_stage = Usd.Stage.CreateNew(str(folder / "stage.usdc"))
     for k in range(pictures):
-        material = UsdShade.Material.Define(made, f"/m{k}")
-        surface, picture = (UsdShade.Shader.Define(made, f"/m{k}/{name}") for name in ("s", "t"))
+        material = UsdShade.Material.Define(usd_stage, f"/m{k}")
+        surface, picture = (UsdShade.Shader.Define(usd_stage, f"/m{k}/{name}") for name in ("s", "t"))
         surface.CreateIdAttr("UsdPreviewSurface")
         picture.CreateIdAttr("UsdUVTexture")
         picture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(f"./p{k}.png")
@@ -68,7 +68,7 @@ def stage(folder: Path, count: int, pictures: int, mesh: meshes.Mesh) -> Path:
         material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", Sdf.ValueTypeNames.Token))
     uvs = Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(mesh.positions[:, :2]))
     for k in range(count):
-        prim = UsdGeom.Mesh.Define(made, f"/g{k // 20}/x{k}")
+        prim = UsdGeom.Mesh.Define(usd_stage, f"/g{k // 20}/x{k}")
         prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(mesh.positions * np.float32(1.0 + k / 1024)))
         prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.triangles), 3, np.int32)))
         prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.triangles.reshape(-1)))
@@ -77,8 +77,8 @@ def stage(folder: Path, count: int, pictures: int, mesh: meshes.Mesh) -> Path:
         prim.CreateSubdivisionSchemeAttr("none")
         UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex").Set(uvs)
         UsdGeom.XformCommonAPI(prim).SetTranslate((k % 20, k // 20, 0))
-        UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(UsdShade.Material.Get(made, f"/m{k % pictures}"))
-    made.Save()
+        UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(UsdShade.Material.Get(usd_stage, f"/m{k % pictures}"))
+    usd_stage.Save()
     return folder / "stage.usdc"
 
 
@@ -110,21 +110,21 @@ def _usd_core(path: Path) -> dict[str, float]:
 
     opened = Usd.Stage.Open(str(path))
     cache = UsdGeom.XformCache()
-    found: dict[str, float] = {"triangles": 0.0, "points": 0.0, "places": 0.0, "texels": 0.0}
+    sums: dict[str, float] = {"triangles": 0.0, "points": 0.0, "places": 0.0, "texels": 0.0}
     for prim in opened.Traverse():
         if prim.IsA(UsdGeom.Mesh):
             mesh = UsdGeom.Mesh(prim)
             arrays = [np.array(a.Get()) for a in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(),
                                                   mesh.GetNormalsAttr(), prim.GetAttribute("primvars:st"))]  # fmt: skip
-            found["triangles"] += len(arrays[1])
-            found["points"] += float((arrays[0].astype(np.float64) ** 2).sum())
-            found["places"] += sum(cache.GetLocalToWorldTransform(prim).ExtractTranslation())
+            sums["triangles"] += len(arrays[1])
+            sums["points"] += float((arrays[0].astype(np.float64) ** 2).sum())
+            sums["places"] += sum(cache.GetLocalToWorldTransform(prim).ExtractTranslation())
         elif prim.IsA(UsdShade.Shader) and (file := UsdShade.Shader(prim).GetInput("file")):
             picture = oiio.ImageInput.open(file.Get().resolvedPath)
             assert picture is not None
-            found["texels"] += np.asarray(picture.read_image("uint8")).shape[0] * picture.spec().width
+            sums["texels"] += np.asarray(picture.read_image("uint8")).shape[0] * picture.spec().width
             picture.close()
-    return found
+    return sums
 
 
 def agree(answers: Mapping[str, Any]) -> str:
@@ -154,8 +154,8 @@ def instances(folder: Path, count: int) -> Path:
     from pxr import Usd, UsdGeom, Vt
 
     rng = np.random.default_rng(2)
-    made = Usd.Stage.CreateNew(str(folder / "many.usdc"))
-    instancer, mesh = UsdGeom.PointInstancer.Define(made, "/i"), UsdGeom.Mesh.Define(made, "/i/t")
+    usd_stage = Usd.Stage.CreateNew(str(folder / "many.usdc"))
+    instancer, mesh = UsdGeom.PointInstancer.Define(usd_stage, "/i"), UsdGeom.Mesh.Define(usd_stage, "/i/t")
     mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     mesh.CreateFaceVertexCountsAttr([3] * 4)
     mesh.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2])
@@ -167,7 +167,7 @@ def instances(folder: Path, count: int) -> Path:
     turns = rng.normal(size=(count, 4))
     turns = (turns / np.linalg.norm(turns, axis=1, keepdims=True)).astype(np.float32)
     instancer.GetPrim().GetAttribute("orientationsf").Set(Vt.QuatfArray.FromNumpy(turns))
-    made.Save()
+    usd_stage.Save()
     return folder / "many.usdc"
 
 

@@ -117,23 +117,23 @@ NAMES = ("edits", "orbit", "refined")  # parts
 
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     """Measure latency of edits and frames of orbits, on every core."""
-    found = report.Section("live", "The live window", TEXT + ORBIT_TEXT + REFINED_TEXT)
+    result = report.Section("live", "The live window", TEXT + ORBIT_TEXT + REFINED_TEXT)
     if only in ("", "refined"):
-        found.blocks.append(_refined(quick))
+        result.blocks.append(_refined(quick))
     path = chromium.executable()
     if path is None and only != "refined":
-        found.missing = ["Chromium is not installed (apt install chromium, or name it in MAQUETTE_CHROMIUM)"]
+        result.missing = ["Chromium is not installed (apt install chromium, or name it in MAQUETTE_CHROMIUM)"]
     if path is None or only == "refined":
-        return found
+        return result
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         with chromium.running(folder / "profile") as browser:
-            found.versions = {"Chromium": browser.version()}
+            result.versions = {"Chromium": browser.version()}
             if only in ("", "edits"):
-                found.blocks.append(_edits(browser, folder, quick))
+                result.blocks.append(_edits(browser, folder, quick))
             if only in ("", "orbit"):
-                found.blocks.append(_orbits(browser, folder, quick))
-    return found
+                result.blocks.append(_orbits(browser, folder, quick))
+    return result
 
 
 def _edits(browser: chromium.Browser, folder: Path, quick: bool) -> str:
@@ -146,8 +146,8 @@ def _edits(browser: chromium.Browser, folder: Path, quick: bool) -> str:
         scene = folder / "edited.scene"
         scene.write_text(full.replace("{0}", "19"), encoding="utf-8")
         with opened(browser, scene) as tab:
-            first, whole = latencies(Edited(tab, scene, full, size), edit, count)
-        rows.append((name, *(f"{value:.0f}" for times in (first, whole) for value in quantiles(times))))
+            first, complete = latencies(Edited(tab, scene, full, size), edit, count)
+        rows.append((name, *(f"{value:.0f}" for times in (first, complete) for value in quantiles(times))))
     return report.grid(("", "first, ms, median", "95 %", "whole, ms, median", "95 %"), rows)
 
 
@@ -160,8 +160,8 @@ def _orbits(browser: chromium.Browser, folder: Path, quick: bool) -> str:
     rows = []
     for name, scene in (("hello", EXAMPLES / "hello.scene"), ("gear", EXAMPLES / "gear.scene"), ("mesh of 100,000 triangles", mesh)):
         with opened(browser, scene, "--size", f"{side}x{side}", "--samples", "4") as tab:
-            shown, whole = frames(tab, seconds, side)
-        rows.append((name, f"{shown:.1f}", f"{whole:.1f}"))
+            shown, complete = frames(tab, seconds, side)
+        rows.append((name, f"{shown:.1f}", f"{complete:.1f}"))
     return report.grid(("orbit", "pictures a second", "in full size"), rows)
 
 
@@ -169,7 +169,7 @@ def _refined(quick: bool) -> str:
     """The table of errors after edits."""
     sizes, samples = (((64, 48),), 16) if quick else (((320, 240), (960, 540)), 1024)
     rows = [(f"{width} × {height}", *(f"{e:.1%}" for e in errors_after_edits((width, height), samples))) for width, height in sizes]
-    return report.grid(("refined, √relMSE after", *(f"{1e3 * at:.0f} ms" for at in REFINED_AT)), rows)
+    return report.grid(("refined, √relMSE after", *(f"{1e3 * seconds:.0f} ms" for seconds in REFINED_AT)), rows)
 
 
 def errors_after_edits(size: tuple[int, int], samples: int, edits: int = 9) -> list[float]:
@@ -193,15 +193,15 @@ def errors_after_edits(size: tuple[int, int], samples: int, edits: int = 9) -> l
     try:
         if not done.wait(TIMEOUT) or drawn.current is None:
             raise RuntimeError("the picture was not finished")
-        truth, found = drawn.current.shown.rgba[..., :3].copy(), []
+        truth, errors = drawn.current.shown.rgba[..., :3].copy(), []
         for k in range(edits):
             shown.clear()
             version, began = drawn.current.version, time.perf_counter()
             drawn.change(lambda state, k=k: state.with_text(str(scene), f"{text}\nlet added = {k}\n"))
             time.sleep(REFINED_AT[-1] + PAUSE)
-            last = [[rgb for at, rgb in shown if at - began <= limit and rgb.shape == truth.shape][-1:] for limit in REFINED_AT]
-            found.append([metrics.root_relmse(rgb[0], truth) if rgb else math.inf for rgb in last])
-        return [float(value) for value in np.median(found, axis=0)]
+            last = [[rgb for when, rgb in shown if when - began <= limit and rgb.shape == truth.shape][-1:] for limit in REFINED_AT]
+            errors.append([metrics.root_relmse(rgb[0], truth) if rgb else math.inf for rgb in last])
+        return [float(value) for value in np.median(errors, axis=0)]
     finally:
         drawn.stop()
 
@@ -218,10 +218,10 @@ def opened(browser: chromium.Browser, scene: Path, *options: str) -> Iterator[Ta
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}) as process:
         try:
             assert process.stdout is not None
-            found = re.search(r"http://\S+", process.stdout.readline())
-            if found is None:
+            address = re.search(r"http://\S+", process.stdout.readline())
+            if address is None:
                 raise RuntimeError("maquette watch printed no address")
-            tab = browser.tab(found[0])
+            tab = browser.tab(address[0])
             tab.size(1600, 900)
             finished(tab)
             yield tab
@@ -242,7 +242,7 @@ def finished(tab: Tab) -> None:
 def latencies(edited: Edited, edit: Callable[[Edited, int], None], edits: int) -> tuple[list[float], list[float]]:
     """Milliseconds to the first and to the whole picture of each edit."""
     first: list[float] = []
-    whole: list[float] = []
+    complete: list[float] = []
     width, height = edited.size
     for k in range(edits):
         finished(edited.tab)
@@ -252,9 +252,9 @@ def latencies(edited: Edited, edit: Callable[[Edited, int], None], edits: int) -
         began = time.perf_counter()
         edit(edited, k)
         times = edited.tab.js("window.seen")
-        whole.append(1e3 * (time.perf_counter() - began))
-        first.append(whole[-1] - (times[-1] - times[0]))
-    return first, whole
+        complete.append(1e3 * (time.perf_counter() - began))
+        first.append(complete[-1] - (times[-1] - times[0]))
+    return first, complete
 
 
 def frames(tab: Tab, seconds: float, side: int) -> tuple[float, float]:
@@ -271,6 +271,6 @@ def frames(tab: Tab, seconds: float, side: int) -> tuple[float, float]:
     while (passed := time.perf_counter() - began) < seconds:
         tab.mouse("mouseMoved", x + 150.0 * math.sin(2.0 * passed), y + 40.0 * math.sin(3.0 * passed), buttons=1)
         time.sleep(0.008)
-    found = tab.js("window.counted.done = true, window.counted")
+    counted = tab.js("window.counted.done = true, window.counted")
     tab.mouse("mouseReleased", x, y)
-    return found["shown"] / passed, found["whole"] / passed
+    return counted["shown"] / passed, counted["whole"] / passed

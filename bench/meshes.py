@@ -91,9 +91,9 @@ def boulders(count: int, seed: int = 1) -> NDArray[np.float64]:
     return np.concatenate([turn * size[:, None, None], rng.uniform(-0.9, 0.9, (count, 3, 1))], axis=2)
 
 
-def look_at(eye: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
-    """(3, 4) camera to world: at `eye`, -z towards `at`, y up."""
-    back = np.subtract(eye, at)
+def look_at(eye: tuple[float, float, float], target: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
+    """(3, 4) camera to world: at `eye`, -z towards `target`, y up."""
+    back = np.subtract(eye, target)
     back = back / np.linalg.norm(back)
     right = np.cross([0.0, 1.0, 0.0], back)
     right /= np.linalg.norm(right)
@@ -108,9 +108,9 @@ def scene(mesh: Mesh, transforms: NDArray[np.float64] | None = None, material: M
     """A scene of one mesh or of its instances, seen from EYE."""
     builder = SceneBuilder()
     geometry = builder.mesh(MeshData(mesh.positions, mesh.triangles, normals=MeshAttribute(mesh.normals)))
-    made = builder.material(material or MaterialData())
+    material_row = builder.material(material or MaterialData())
     for matrix in [np.eye(4)] if transforms is None else transforms:
-        builder.instance(InstanceData(geometry, builder.transform(matrix), made))
+        builder.instance(InstanceData(geometry, builder.transform(matrix), material_row))
     for light in lights:
         builder.light(light)
     builder.camera(CameraData(builder.transform(look_at(EYE)), EXTENT))

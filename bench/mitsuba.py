@@ -39,14 +39,14 @@ def scene(mi: ModuleType, mesh: Mesh, transforms: NDArray[np.float64] | None) ->
     values.update()
     if transforms is None:
         return mi.load_dict({"type": "scene", "mesh": shape})
-    whole: dict[str, Any] = {"type": "scene", "group": {"type": "shapegroup", "mesh": shape}}
+    description: dict[str, Any] = {"type": "scene", "group": {"type": "shapegroup", "mesh": shape}}
     for k, matrix in enumerate(transforms):
         to_world = mi.ScalarTransform4f(np.vstack([matrix, [0.0, 0.0, 0.0, 1.0]]))
-        whole[f"i{k}"] = {"type": "instance", "to_world": to_world, "group": {"type": "ref", "id": "group"}}
-    return mi.load_dict(whole)
+        description[f"i{k}"] = {"type": "instance", "to_world": to_world, "group": {"type": "ref", "id": "group"}}
+    return mi.load_dict(description)
 
 
-def contender(mi: ModuleType, made: Any, rays: Rays, build: harness.Seconds, any_hit: bool) -> harness.Contender:
+def contender(mi: ModuleType, mitsuba_scene: Any, rays: Rays, build: harness.Seconds, any_hit: bool) -> harness.Contender:
     """All rays in one call, as in Mitsuba's integrators."""
     dr = harness.need("drjit", INSTALL)
     ray = mi.Ray3f(mi.Point3f(rays.origin.T.copy()), mi.Vector3f(rays.direction.T.copy()))
@@ -55,19 +55,19 @@ def contender(mi: ModuleType, made: Any, rays: Rays, build: harness.Seconds, any
     coherent = rays.name == "primary"
 
     def occluded() -> Any:
-        blocked = made.ray_test(ray, coherent=coherent)
+        blocked = mitsuba_scene.ray_test(ray, coherent=coherent)
         dr.eval(blocked)
         dr.sync_thread()
         return blocked
 
     def closest() -> Any:
-        found = made.ray_intersect_preliminary(ray, coherent=coherent)
-        dr.eval(found.t, found.prim_index, found.prim_uv)
+        hits = mitsuba_scene.ray_intersect_preliminary(ray, coherent=coherent)
+        dr.eval(hits.t, hits.prim_index, hits.prim_uv)
         dr.sync_thread()
-        return found
+        return hits
 
-    def read(found: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        t, triangle = np.array(found.t), np.array(found.prim_index).astype(np.int32)
+    def read(hits: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        t, triangle = np.array(hits.t), np.array(hits.prim_index).astype(np.int32)
         return t, np.where(np.isfinite(t) & (t < 1e37), triangle, -1)
 
     if any_hit:

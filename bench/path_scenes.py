@@ -34,18 +34,18 @@ class Setting:
 
     def decide(self, size: int, samples: int | None, seed: int, error: float | None = None) -> tuple[ir.Scene, plan.Plan]:
         """The scene, and the plan of a square picture on one thread."""
-        asked = ir.Settings(
+        settings = ir.Settings(
             size=(size, size), samples=samples, error=error, seed=seed, backend="ray", bounces=self.depth - 2, filter="box", threads=1
         )
-        return self.scene, plan.make_plan(self.scene, asked)
+        return self.scene, plan.make_plan(self.scene, settings)
 
     def exported(self, size: int, folder: Path) -> Path:
         """The XML file for Mitsuba, with its Russian roulette from the fifth surface on."""
         _, decided = self.decide(size, 16, 0)
-        made = mitsuba_scene.write(self.scene, decided, "part", scene_meshes.make_tessellator(self.scene, decided))
-        for name, data in made.files.items():
+        export = mitsuba_scene.write(self.scene, decided, "part", scene_meshes.make_tessellator(self.scene, decided))
+        for name, data in export.files.items():
             (folder / name).write_bytes(data)
-        text = made.text.replace(f'value="{mitsuba_scene.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')
+        text = export.text.replace(f'value="{mitsuba_scene.NO_ROULETTE}"', 'value="5"').replace('"multijitter"', '"independent"')
         for old, new in self.swaps:
             text, count = re.subn(old, new, text, count=1, flags=re.DOTALL)
             if not count:

@@ -72,7 +72,7 @@ class Reference:
     noise: tuple[float, float]
 
     @classmethod
-    def of(cls, runs: Picture) -> Reference:
+    def from_runs(cls, runs: Picture) -> Reference:
         """The reference of pictures (seeds, h, w, 3)."""
 
         def noise(values: Picture) -> float:
@@ -83,8 +83,8 @@ class Reference:
 
     def errors(self, picture: Picture) -> tuple[float, float]:
         """(√relMSE of pixels, √relMSE of the means of 4 × 4 pixels) of a picture."""
-        found = metrics.root_relmse(picture, self.mean), metrics.block_relmse(picture, self.mean)
-        pixels, blocks = (math.sqrt(max(error**2 - noise, 0.0)) for error, noise in zip(found, self.noise, strict=True))
+        measured = metrics.root_relmse(picture, self.mean), metrics.block_relmse(picture, self.mean)
+        pixels, blocks = (math.sqrt(max(error**2 - noise, 0.0)) for error, noise in zip(measured, self.noise, strict=True))
         return pixels, blocks
 
 
@@ -102,20 +102,20 @@ class Renderer:
 def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     """Measure all scenes, or only one of NAMES. Each part records its own machine and day."""
     peers, effort = Peers(), dataclasses.replace(effort, seconds=effort.seconds / 2.0)  # a scene has a dozen cases
-    found = report.Section("paths", "Paths", TEXT, versions=report.version_of("mitsuba", "drjit"))
+    result = report.Section("paths", "Paths", TEXT, versions=report.version_of("mitsuba", "drjit"))
     with tempfile.TemporaryDirectory() as folder:
         for k, name in enumerate(NAMES):
             if only not in ("", name) or (quick and not only and k > 2):
                 continue
             title, sides, scalar = _scene_of(name, Path(folder), quick, peers)
-            part = report.Section(f"paths {k + 1} {name}", title, "", versions=found.versions, level=3)
+            part = report.Section(f"paths {k + 1} {name}", title, "", versions=result.versions, level=3)
             ladder = (1, 4) if quick else (*SAMPLE_COUNTS, 1024) if name == "cornell" else SAMPLE_COUNTS
             slow = name in SLOW
             less = dataclasses.replace(effort, rounds=min(effort.rounds, 3), fewest=min(effort.fewest, 2)) if slow else effort
             _compare(part, sides, scalar, quick, 256 if slow else 512, ladder, less)
-            found.parts.append(part)
-    found.missing = peers.missing
-    return found
+            result.parts.append(part)
+    result.missing = peers.missing
+    return result
 
 
 def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, list[Renderer], Callable[[], list[Renderer]]]:
@@ -140,7 +140,7 @@ def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, 
 
 
 def _compare(
-    found: report.Section, sides: list[Renderer], scalar: Callable[[], list[Renderer]], quick: bool, long: int,
+    result: report.Section, sides: list[Renderer], scalar: Callable[[], list[Renderer]], quick: bool, long: int,
     ladder: Sequence[int], effort: Effort,
 ) -> None:  # fmt: skip
     """Measure one scene: long runs, samples a second, and errors."""
@@ -148,15 +148,15 @@ def _compare(
     try:
         agreement, references = long_runs(sides, 32 if quick else 128, 16 if quick else long)
     except Disagreement as why:
-        found.refused.append(f"{found.title}: {why}")
-        found.blocks.append(f"No times: the long runs differ: {why}.")
+        result.refused.append(f"{result.title}: {why}")
+        result.blocks.append(f"No times: the long runs differ: {why}.")
         return
     fast = rates(sides, size, samples, effort)
-    told = error_tables(sides, references, ladder, effort)
+    tables = error_tables(sides, references, ladder, effort)
     slower = scalar()  # last, as a change of Mitsuba's mode slows its next picture
     slow = [rates([sides[0], *slower], size, samples, effort)] if slower else []
-    found.add("Rate", [fast, *slow], "Msamples/s")
-    found.blocks.append(f"**Error**\n\n{told}\n\nLong runs: {agreement}.")
+    result.add("Rate", [fast, *slow], "Msamples/s")
+    result.blocks.append(f"**Error**\n\n{tables}\n\nLong runs: {agreement}.")
 
 
 def _available(peers: Peers, make: Callable[[], Renderer]) -> list[Renderer]:
@@ -190,10 +190,10 @@ def our_renderer(decide: Callable[..., tuple[ir.Scene, plan.Plan]]) -> Renderer:
 def build_scene(filled: Path | None) -> ir.Scene:
     if filled is None:
         return load(SCENES / "cornell.scene")
-    kept = [line for line in (SCENES / "cornell.scene").read_text(encoding="utf-8").splitlines() if not line.startswith("box(")]
+    lines = [line for line in (SCENES / "cornell.scene").read_text(encoding="utf-8").splitlines() if not line.startswith("box(")]
     path = filled.with_suffix(".scene")
     flat = 'lambert(rgb(0.885809, 0.698859, 0.666422), shading: "flat")'  # a file without normals would get smooth ones
-    path.write_text("\n".join([*kept, f'mesh("{filled.name}", translate: [0, -0.35, 0], material: {flat})']), encoding="utf-8")
+    path.write_text("\n".join([*lines, f'mesh("{filled.name}", translate: [0, -0.35, 0], material: {flat})']), encoding="utf-8")
     return load(path)
 
 
@@ -213,13 +213,13 @@ def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:
         raise Missing(f"Mitsuba has no area lights that are not seen: not measured on “{setting.title}”")
 
     @functools.cache
-    def made(size: int) -> Any:
+    def loaded(size: int) -> Any:
         place = folder / f"{setting.title.split()[0]}-{size}"
         place.mkdir(exist_ok=True)
         return mi.load_file(str(setting.exported(size, place)))
 
     def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
-        scene = made(size)
+        scene = loaded(size)
         return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
 
     return Renderer("Mitsuba llvm", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3], alike=setting.stage is None)
@@ -241,20 +241,20 @@ def mitsuba_renderer(filled: Path | None, variant: str) -> Renderer:
     mi = mitsuba.load(variant)
 
     @functools.cache
-    def made(size: int) -> Any:
-        whole = mi.cornell_box()
-        whole["light"]["bsdf"] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
-        whole["integrator"]["max_depth"] = DEPTH
-        whole["sensor"]["film"].update(width=size, height=size, rfilter={"type": "box"})
+    def loaded(size: int) -> Any:
+        description = mi.cornell_box()
+        description["light"]["bsdf"] = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+        description["integrator"]["max_depth"] = DEPTH
+        description["sensor"]["film"].update(width=size, height=size, rfilter={"type": "box"})
         if filled is not None:
-            del whole["small-box"], whole["large-box"]
+            del description["small-box"], description["large-box"]
             to_world = mi.ScalarTransform4f().translate([0.0, -0.35, 0.0])
             white = {"type": "ref", "id": "white"}
-            whole["knot"] = {"type": "ply", "filename": str(filled), "to_world": to_world, "face_normals": True, "bsdf": white}
-        return mi.load_dict(whole)
+            description["knot"] = {"type": "ply", "filename": str(filled), "to_world": to_world, "face_normals": True, "bsdf": white}
+        return mi.load_dict(description)
 
     def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
-        scene = made(size)
+        scene = loaded(size)
         return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
 
     return Renderer(f"Mitsuba {variant.split('_')[0]}", draw, lambda rgb: np.asarray(rgb, np.float64))
@@ -266,7 +266,7 @@ def mitsuba_renderer(filled: Path | None, variant: str) -> Renderer:
 def long_runs(sides: Sequence[Renderer], size: int, samples: int) -> tuple[str, dict[str, Reference]]:
     """(comparison, each renderer's reference of SEEDS long runs). Raises Disagreement if they differ by more than noise."""
     runs = {side.name: np.stack([side.read(side.draw(size, samples, 1000 + k)()) for k in range(SEEDS)]) for side in sides}
-    references = {name: Reference.of(pictures) for name, pictures in runs.items()}
+    references = {name: Reference.from_runs(pictures) for name, pictures in runs.items()}
     said, alike = [f"{SEEDS} × {samples} samples a pixel"], {side.name for side in sides if side.alike}
     for name in list(runs)[1:]:
         off = references[name].mean.mean() / references[OURS].mean.mean() - 1.0
@@ -293,11 +293,11 @@ def block_z2(a: Picture, b: Picture) -> float:
         return runs.reshape(seeds, BLOCKS, height // BLOCKS, BLOCKS, width // BLOCKS, 3).mean(axis=(2, 4))
 
     def variance(runs: Picture) -> Picture:
-        own = np.pad(runs.var(axis=0, ddof=1) / len(runs), ((1, 1), (1, 1), (0, 0)), mode="edge")
-        return np.mean([own[i : i + BLOCKS, j : j + BLOCKS] for i in range(3) for j in range(3)], axis=0)
+        padded = np.pad(runs.var(axis=0, ddof=1) / len(runs), ((1, 1), (1, 1), (0, 0)), mode="edge")
+        return np.mean([padded[i : i + BLOCKS, j : j + BLOCKS] for i in range(3) for j in range(3)], axis=0)
 
-    one, other = blocks(a), blocks(b)
-    return float(np.mean((one.mean(axis=0) - other.mean(axis=0)) ** 2 / (variance(one) + variance(other))))
+    first, second = blocks(a), blocks(b)
+    return float(np.mean((first.mean(axis=0) - second.mean(axis=0)) ** 2 / (variance(first) + variance(second))))
 
 
 def rates(sides: Sequence[Renderer], size: int, samples: int, effort: Effort) -> Result:
@@ -376,14 +376,14 @@ def adaptive_table(
     """Table of CPU time with a requested error, where sampling is adaptive, beside the times of others at equal error."""
     rows = []
     peers = [name for name in curves if name != OURS]
-    for asked in (0.3, 0.2, 0.1, 0.05):
-        if asked < min((error for _, error in curves[OURS]), default=1.0):
+    for wanted in (0.3, 0.2, 0.1, 0.05):
+        if wanted < min((error for _, error in curves[OURS]), default=1.0):
             break  # outside of the measured range
         pictures: list[Picture] = []
-        times = measure(Case("", [_contender(side, size, 0, effort, pictures, asked)], lambda _: ""), effort).times[0]
+        times = measure(Case("", [_contender(side, size, 0, effort, pictures, wanted)], lambda _: ""), effort).times[0]
         error, took = float(np.median([references[OURS].errors(picture)[0] for picture in pictures])), times.spread().median
         longer = [time_to(error, curves[name]) for name in peers]
-        cells = [f"{asked:.0%}", f"{error:.2%}", f"{took * 1e3:.3g}"]
+        cells = [f"{wanted:.0%}", f"{error:.2%}", f"{took * 1e3:.3g}"]
         for theirs in longer:
             cells += [f"{theirs * 1e3:.3g}", f"{theirs / took:.2f}"] if theirs else ["", ""]
         rows.append(tuple(cells))
@@ -401,7 +401,7 @@ def equal_error(curves: Mapping[str, Sequence[tuple[float, float]]]) -> str:
             shown = {name: value or 0.0 for name, value in took.items()}
             rows.append((f"{error:.0%}", *(f"{shown[n] * 1e3:.3g}" for n in names), *(f"{shown[n] / shown[OURS]:.2f}" for n in names[1:])))
     if not rows:
-        return "No error was reached by all: times to the same error cannot be told."
+        return "No error was reached by all: times to the same error are unknown."
     return report.grid(["√relMSE", *(f"{n}, CPU ms" for n in names), *(f"{n} × ours" for n in names[1:])], rows)
 
 

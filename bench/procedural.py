@@ -37,14 +37,14 @@ BVH count instances. The picture is 480 × 320 with 4 samples a pixel and includ
 
 def section(quick: bool, effort: Effort) -> report.Section:
     """Measure every stage of both scenes."""
-    found = report.Section("procedural", "Big procedural scenes", TEXT)
+    result = report.Section("procedural", "Big procedural scenes", TEXT)
     for name, sides in SIDES.items():
         side = sides[0 if quick else 1]
         results = _stages(name, side, effort)
-        found.add(f"{name}, side {side}", results[:1], "Mcalls/s")
-        found.add(f"{name}, side {side}: further stages", results[1:], "Minstances/s")
-    found.blocks.append(f"Largest memory of the process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB.")
-    return found
+        result.add(f"{name}, side {side}", results[:1], "Mcalls/s")
+        result.add(f"{name}, side {side}: further stages", results[1:], "Minstances/s")
+    result.blocks.append(f"Largest memory of the process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB.")
+    return result
 
 
 def _stages(name: str, side: int, effort: Effort) -> list[Result]:
@@ -61,15 +61,15 @@ def _stages(name: str, side: int, effort: Effort) -> list[Result]:
         ("BVH", lambda: scene_bvh.build(checked.tables, keep=False), count),
         ("picture", lambda: render_scene.draw(checked, plan), count),
     )
-    return [measure(Case(stage, [Contender(OURS, run, lambda made: None)], _alone, amount), effort) for stage, run, amount in stages]
+    return [measure(Case(stage, [Contender(OURS, run, lambda drawn: None)], _alone, amount), effort) for stage, run, amount in stages]
 
 
 @collector.fewer_collections()
 def _evaluate(path: Path, side: int) -> Document:
     reader = source_files.SceneReader(Files(path.parent, ()))
-    found = Diagnostics()
-    document = evaluator.evaluate(reader.main(path.name, path), CATALOGUE, reader, found, sets={"side": str(side)})
-    found.raise_if_failed()
+    diagnostics = Diagnostics()
+    document = evaluator.evaluate(reader.main(path.name, path), CATALOGUE, reader, diagnostics, sets={"side": str(side)})
+    diagnostics.raise_if_failed()
     return document
 
 

@@ -77,19 +77,19 @@ def coordinates(mesh: Mesh) -> NDArray[np.float32]:
 def section(quick: bool, effort: Effort) -> report.Section:
     """Measure every mesh with 1 and 4 samples."""
     peers = Peers()
-    found = report.Section("raster", "Triangles on a grid of pixels", TEXT, versions=report.version_of("moderngl"))
+    result = report.Section("raster", "Triangles on a grid of pixels", TEXT, versions=report.version_of("moderngl"))
     size = side(quick)
     for samples in (1, 4):
         results = []
         for name, (mesh, textured) in cases(quick).items():
             contenders = peers.gather(
                 functools.partial(our_frame, mesh, size, samples, textured),
-                functools.partial(llvmpipe_frame, mesh, size, samples, textured, found),
+                functools.partial(llvmpipe_frame, mesh, size, samples, textured, result),
             )
             results.append(measure(Case(name, contenders, agree if samples == 1 else agree_in_mean, size * size), effort))
-        found.add("1 sample" if samples == 1 else f"{samples} samples", results, "Mpixels/s")
-    found.missing = peers.missing
-    return found
+        result.add("1 sample" if samples == 1 else f"{samples} samples", results, "Mpixels/s")
+    result.missing = peers.missing
+    return result
 
 
 def side(quick: bool) -> int:
@@ -139,12 +139,12 @@ def scene_of(mesh: Mesh, textured: bool) -> ir.Scene:
     return builder.finish("bench")
 
 
-def llvmpipe_frame(mesh: Mesh, size: int, samples: int, textured: bool, found: report.Section) -> Contender:
+def llvmpipe_frame(mesh: Mesh, size: int, samples: int, textured: bool, result: report.Section) -> Contender:
     """llvmpipe through OpenGL."""
     uniforms = {"light": TOWARDS_LIGHT, "diffuse": DIFFUSE, "specular": SPECULAR, "shininess": SHININESS}
     image = (coordinates(mesh), picture()) if textured else None
     window, build = timed(lambda: gl.Window(mesh, size, samples, uniforms, image))
-    found.versions["GL"] = window.version()
+    result.versions["GL"] = window.version()
     return Contender("llvmpipe", window.draw, lambda pixels: pixels.astype(np.float32) / 255.0, build)
 
 

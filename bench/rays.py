@@ -62,7 +62,7 @@ class Sides:
     mesh: Mesh
     transforms: NDArray[np.float64] | None
     peers: Peers
-    made: dict[str, Callable[[Rays, bool], Contender]] = field(default_factory=dict)
+    makers: dict[str, Callable[[Rays, bool], Contender]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         scene = meshes.scene(self.mesh, self.transforms)
@@ -85,8 +85,8 @@ class Sides:
             limits.require_limit("embreex")
             scene = need("embreex.rtcore_scene", embree.INSTALL).EmbreeScene()
             need("embreex.mesh_construction", embree.INSTALL).TriangleMesh(scene, self.mesh.positions, self.mesh.triangles)
-            one = np.zeros((1, 3), np.float32) + 9.0
-            build = timed(lambda: scene.run(one, one))[1]
+            far_ray = np.zeros((1, 3), np.float32) + 9.0
+            build = timed(lambda: scene.run(far_ray, far_ray))[1]
 
             def contender(rays: Rays, any_hit: bool) -> Contender:
                 far = np.minimum(rays.limit, np.float32(1e37))
@@ -95,7 +95,7 @@ class Sides:
                     run = lambda: scene.run(rays.origin, rays.direction, dists=far.copy(), query="OCCLUDED")  # noqa: E731
                     return Contender("embreex", run, lambda ids: ids >= 0, build, note)
                 run = lambda: scene.run(rays.origin, rays.direction, dists=far.copy(), output=True)  # noqa: E731
-                return Contender("embreex", run, lambda found: (found["tfar"], found["primID"]), build, note)
+                return Contender("embreex", run, lambda answer: (answer["tfar"], answer["primID"]), build, note)
 
             return contender
 
@@ -117,15 +117,15 @@ class Sides:
     def mitsuba(self, rays: Rays, any_hit: bool) -> Contender:
         def make() -> Callable[[Rays, bool], Contender]:
             mi = mitsuba.load()
-            made, build = timed(lambda: mitsuba.scene(mi, self.mesh, self.transforms))
-            return lambda rays, any_hit: mitsuba.contender(mi, made, rays, build, any_hit)
+            mitsuba_scene, build = timed(lambda: mitsuba.scene(mi, self.mesh, self.transforms))
+            return lambda rays, any_hit: mitsuba.contender(mi, mitsuba_scene, rays, build, any_hit)
 
         return self._once("Mitsuba", make)(rays, any_hit)
 
     def _once(self, name: str, make: Callable[[], Callable[[Rays, bool], Contender]]) -> Callable[[Rays, bool], Contender]:
-        if name not in self.made:
-            self.made[name] = make()
-        return self.made[name]
+        if name not in self.makers:
+            self.makers[name] = make()
+        return self.makers[name]
 
     def secondary(self, rays: Rays) -> tuple[Rays, Rays]:
         """Diffuse and shadow rays from slightly above the hits of primary rays."""
@@ -149,12 +149,12 @@ def agree_closest(answers: Mapping[str, Any]) -> str:
     said = [f"{hit.mean():.0%} of {len(hit):,} rays hit"]
     for name, (their_t, their_triangle, *_) in ((k, v) for k, v in answers.items() if k != OURS):
         both = hit & (their_triangle >= 0)
-        one = int(np.count_nonzero(hit != (their_triangle >= 0)))
+        hits_differ = int(np.count_nonzero(hit != (their_triangle >= 0)))
         apart = np.abs(t[both] - their_t[both]) > NEAR * np.maximum(their_t[both], 1.0)
-        other = int(np.count_nonzero(triangle[both] != their_triangle[both]))
-        text = f"{name}: {one} hit in one only, {np.count_nonzero(apart)} distances differ, {other} another triangle"
-        _check_differing(one + int(np.count_nonzero(apart)), len(hit), text)
-        _check_differing(other, 10 * len(hit), text)  # at edges and intersections of surfaces
+        triangles_differ = int(np.count_nonzero(triangle[both] != their_triangle[both]))
+        text = f"{name}: {hits_differ} hit in one only, {np.count_nonzero(apart)} distances differ, {triangles_differ} another triangle"
+        _check_differing(hits_differ + int(np.count_nonzero(apart)), len(hit), text)
+        _check_differing(triangles_differ, 10 * len(hit), text)  # at edges and intersections of surfaces
         said.append(text)
     return "; ".join(said)
 
@@ -179,7 +179,7 @@ def section(quick: bool, effort: Effort) -> report.Section:
     """Measure all scenes."""
     peers = Peers()
     warm_up()
-    found = report.Section("rays", "Rays", TEXT)
+    result = report.Section("rays", "Rays", TEXT)
     resolution = 64 if quick else 512
     sizes = meshes.sizes(quick)
     count = 100 if quick else INSTANCES
@@ -191,10 +191,10 @@ def section(quick: bool, effort: Effort) -> report.Section:
         sides = Sides(meshes.knot(*rings), transforms, peers)
         rays = meshes.primary(resolution)
         results = [measure(sides.case(each), effort) for each in (rays, *sides.secondary(rays))]
-        found.add(title, results, "Mrays/s")
-    found.missing = peers.missing
-    found.versions = report.version_of("embreex", "mitsuba", "drjit")
-    return found
+        result.add(title, results, "Mrays/s")
+    result.missing = peers.missing
+    result.versions = report.version_of("embreex", "mitsuba", "drjit")
+    return result
 
 
 def warm_up() -> Seconds:

@@ -79,9 +79,9 @@ def table(results: Sequence[harness.Result], unit: str, scale: float, by: str) -
 def grid(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A markdown table: notes and columns without a head are left-aligned, numbers right-aligned; empty columns are omitted."""
     rows = [tuple(row) for row in rows]
-    kept = [k for k in range(len(head)) if any(row[k] for row in rows)]
-    sides = [":--" if head[k] in ("", "note") else "--:" for k in kept]
-    lines = [[head[k] for k in kept], sides, *([row[k] for k in kept] for row in rows)]
+    columns = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    sides = [":--" if head[k] in ("", "note") else "--:" for k in columns]
+    lines = [[head[k] for k in columns], sides, *([row[k] for k in columns] for row in rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
@@ -96,8 +96,8 @@ def _ms(seconds: float) -> str:
 def write(section: Section, path: Path = RESULTS, machine: str | None = None) -> None:
     """Write a section and its parts, replacing those with the same keys."""
     sections = read(path)
-    for one in (section, *section.parts):
-        sections[one.key] = render(one, machine if machine is not None else machine_line())
+    for part in (section, *section.parts):
+        sections[part.key] = render(part, machine if machine is not None else machine_line())
     rank = {key: k for k, key in enumerate(ORDER)}
     keys = sorted(sections, key=lambda key: (rank.get(key.split(" ")[0], len(ORDER)), key))
     replace_file(path, ("\n\n".join([HEAD.strip(), *(sections[key].strip() for key in keys)]) + "\n").encode())
@@ -129,15 +129,15 @@ def render(section: Section, machine: str) -> str:
 
 def version_of(*packages: str) -> dict[str, str]:
     """Installed versions; for a checkout of maquette with its commit."""
-    found = {}
+    versions = {}
     for name in packages:
         try:
-            found[name] = VERSION if name == harness.OURS else metadata.version(name)
+            versions[name] = VERSION if name == harness.OURS else metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
         if name == harness.OURS and (commit := _commit()):
-            found[name] += f" ({commit})"
-    return found
+            versions[name] += f" ({commit})"
+    return versions
 
 
 def _commit() -> str:

@@ -45,7 +45,7 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
     if only in NAMES:
         return waits(effort)
     peers = Peers()
-    found = report.Section("start", "Starting up", TEXT)
+    result = report.Section("start", "Starting up", TEXT)
     size = 64 if quick else 512
     with tempfile.TemporaryDirectory() as folder:
         programs = Programs(Path(folder), size)
@@ -55,17 +55,17 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
         if not quick:
             cold = peers.gather(functools.partial(programs.ours, cold=True), functools.partial(programs.mitsuba, cold=True))
             results.append(measure(Case("cold", cold, agree), Effort(rounds=1, fewest=1)))
-        found.add("One picture", results, "", by="wall")
+        result.add("One picture", results, "", by="wall")
         if not quick:
-            found.parts.append(waits(effort))
-    found.missing = peers.missing
-    found.versions = {**report.version_of("mitsuba"), **_povray_version()}
-    return found
+            result.parts.append(waits(effort))
+    result.missing = peers.missing
+    result.versions = {**report.version_of("mitsuba"), **_povray_version()}
+    return result
 
 
 def waits(effort: Effort) -> report.Section:
     """Measure the waits after an installation: first pictures, thirty edits, and the shortest commands."""
-    found = report.Section("start waits", "Waiting for kernels", WAITS, level=3)
+    result = report.Section("start waits", "Waiting for kernels", WAITS, level=3)
     with tempfile.TemporaryDirectory() as name:
         environment = edit_session.Environment(Path(name))
         environment.install()
@@ -75,16 +75,16 @@ def waits(effort: Effort) -> report.Section:
         rows += [("hello.scene, home that cannot be written", *_seconds(environment.render(hello, **locked)))]
         for scene in sorted(hello.parent.glob("*.scene")):
             rows.append((f"{scene.name}, 64 pixels wide, the same home", *_seconds(environment.render(scene, "--size", "64x48", **locked))))
-        found.blocks += ["**First picture**", report.grid(("", "process, s", "kernels, s"), rows)]
+        result.blocks += ["**First picture**", report.grid(("", "process, s", "kernels, s"), rows)]
         edits = [(name, *_seconds((total, kernels))) for name, kernels, total in edit_session.session(environment, edit_session.scenes())]
-        found.blocks += ["**Edits**", report.grid(("", "redraw, s", "kernels, s"), edits)]
+        result.blocks += ["**Edits**", report.grid(("", "redraw, s", "kernels, s"), edits)]
         sphere = environment.folder / "sphere.scene"
         sphere.write_text(SPHERE, encoding="utf-8")
         environment.run("render", str(sphere), "--quiet", MAQUETTE_KERNELS="special")  # compiles or loads what the warm runs take
         commands = {"render a sphere": ("render", str(sphere)), "check": ("check", str(hello)), "--help": ("--help",)}
         results = [measure(Case(name, [_command(environment, words)], lambda _: "no peer"), effort) for name, words in commands.items()]
-        found.add("Warm processes", results, "", by="wall")
-    return found
+        result.add("Warm processes", results, "", by="wall")
+    return result
 
 
 def _command(environment: edit_session.Environment, words: tuple[str, ...]) -> Contender:

@@ -44,15 +44,15 @@ def section(quick: bool, effort: Effort) -> report.Section:
     """Measure all work that threads share."""
     peers = Peers()
     effort = effort if quick else replace(effort, rounds=31, fewest=7, seconds=5.0)  # seven rounds of milliseconds are too noisy
-    found = report.Section("threads", "Two threads", TEXT)
+    result = report.Section("threads", "Two threads", TEXT)
     for title, cases in (("Arithmetic", arithmetic(quick)), ("Frames", frames(quick)), ("Rays", pictures(quick)), ("Trees", bvhs(quick))):
         results = []
         for name, make in cases.items():
             contenders = peers.gather(*(functools.partial(_contender, make, *who) for who in ((2, OURS), (1, ONE))))
             results.append(measure(Case(name, contenders, same), effort))
-        found.add(title, results, "", by="wall")
-    found.missing = peers.missing
-    return found
+        result.add(title, results, "", by="wall")
+    result.missing = peers.missing
+    return result
 
 
 def _contender(make: Make, threads: int, name: str) -> Contender:
@@ -107,8 +107,8 @@ def pictures(quick: bool) -> Cases:
     """A path-traced box, and the largest mesh."""
     side = 32 if quick else 256
 
-    def make(scene: ir.Scene, asked: ir.Settings, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
-        decided = plan.make_plan(scene, replace(asked, size=(side, side), backend="ray", threads=threads))
+    def make(scene: ir.Scene, settings: ir.Settings, threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+        decided = plan.make_plan(scene, replace(settings, size=(side, side), backend="ray", threads=threads))
         view = View(decided["camera"], side, side)
         prepared = prepare.prepare(scene, decided, view)
         return lambda: film.run(ray.Renderer(prepared, decided, view), decided, view).channels["rgba"], _identity
@@ -127,7 +127,7 @@ def bvhs(quick: bool) -> Cases:
 
     def make(size: tuple[int, int], threads: int) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         tables = meshes.scene(meshes.knot(*size)).tables
-        return lambda: traced.build(tables, threads=threads, keep=False), lambda made: np.stack(closest(rays, made)())
+        return lambda: traced.build(tables, threads=threads, keep=False), lambda tree: np.stack(closest(rays, tree)())
 
     return {f"{name} triangles": functools.partial(make, size) for name, size in meshes.sizes(quick).items()}
 

@@ -113,7 +113,7 @@ def _prebuilt_kernels() -> Iterator[Finding]:
     if folder is not None:
         yield Finding("prebuilt kernels", "ok", f"{folder}: {number} files, {_megabytes(size)}", data)
     elif not prebuilt.ROOT.is_dir():
-        text = "none, as this is no wheel made by `make wheel`: kernels are compiled when they are first needed"
+        text = "none, as this is not a wheel made by `make wheel`: kernels are compiled when they are first needed"
         yield Finding("prebuilt kernels", "missing", text, data)
     else:
         targets = ", ".join(sorted(path.name for path in prebuilt.ROOT.iterdir() if path.is_dir()))

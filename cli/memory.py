@@ -148,11 +148,11 @@ def strip_plans(scene: ir.Scene, plan: Plan, path: Path, memory: int | None) -> 
     size = f"a picture of {plan['size'][0]} by {plan['size'][1]} pixels"
     if free is not None and limit is not None and most < large_images.MAX_PIXELS:
         takes = estimate + memory_estimate.COMPILER + (0 if memory is None else taken)
-        there = f"{size} takes about {takes / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
+        needed = f"{size} takes about {takes / 1e9:.2g} GB of memory, and {free / 1e9:.2g} GB are {'free' if memory is None else 'allowed'}"
         if why:
-            raise click.UsageError(f"{there}; in strips it takes less, but {why}")
+            raise click.UsageError(f"{needed}; in strips it takes less, but {why}")
         if strip > limit:
-            raise click.UsageError(f"{there}; a strip of it does not fit either: give a smaller --size")
+            raise click.UsageError(f"{needed}; a strip of it does not fit either: give a smaller --size")
     elif why:
         raise click.UsageError(f"{size} is rendered in strips: {why}")
     return parts, max(taken + strip, peak_memory() or 0)

@@ -31,7 +31,7 @@ and the rest is drawn: references, payloads, sublayers, value clips, pictures wi
 absolute paths, links, expressions and search paths. `--allow /library/of/assets` opens one more folder, as often as it is given.
 
 The picture is seen by the camera of the render settings, else by a camera called `main_cam`, else by one that frames everything. This
-is the rule of usdrecord, so that both programs draw one picture of one stage. A stage's only camera is no exception: many files hold a
+is the rule of usdrecord, so that both programs draw one picture of one stage. A stage's only camera is not an exception: many files hold a
 camera of the editor that made them, which shows a part. A note tells of cameras that are not used; `--camera /World/cam` takes one.
 """
 _GLTF = """\
@@ -73,7 +73,7 @@ triangles for its polygons. Meshes that cross themselves are not cut. `maquette 
 
 {formats}
 
-A note tells what was assumed of a file that says neither, with its size in metres: always of {odd}, and of the others where
+A note names the unit and axis assumed for a file that gives neither, with its size in metres: always of {odd}, and of the others where
 their longest side is below 2 mm, or 20 m or more. `--unit mm --up z`, or `mesh("part.obj", unit: "mm", up: "z")` in a scene, say
 otherwise. Files that `convert` writes come back with the same size and place.
 

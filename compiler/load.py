@@ -93,7 +93,7 @@ def _refuse_unknown(path: Path, diagnostics: Diagnostics) -> None:
     endings = (*file_types.SCENE, *file_types.USD, *file_types.MESH, *file_types.SAVED)
     advice = foreign_formats.advice(path.name)
     hint = advice or suggest(path.suffix.lower(), endings) or f"scenes are {', '.join(endings)}"
-    diagnostics.error(f"`{path.name}` is no kind of scene that is known", Span(str(path)), hint)
+    diagnostics.error(f"`{path.name}` is not a known kind of scene", Span(str(path)), hint)
 
 
 def _blurred(scene: ir.Scene, scene_at: Callable[[float, Diagnostics], ir.Scene], diagnostics: Diagnostics) -> ir.Scene:
@@ -193,14 +193,14 @@ def _refuse_unused(
     if options.variants and suffix not in file_types.USD:
         diagnostics.error("only USD stages have variants", Span(name), "leave out --variant")
     if suffix not in file_types.USD:
-        for option in options.given():
+        for option in options.option_names():
             diagnostics.error(f"only USD stages have {option.replace('-', ' ')}", Span(name), f"leave out --{option}")
     if code is not None and suffix not in file_types.USD:
         diagnostics.error("only USD stages have time codes", Span(name), "give the time in seconds")
     if suffix not in file_types.SCENE:
         for param in sets or {}:
             diagnostics.error(f"there is no param `{param}`: only .scene files have params", Span(name), "leave out --set")
-    for option in meshes.given():
+    for option in meshes.option_names():
         endings = file_types.ANIMATED if option == "animation" else file_types.MESH
         if suffix not in endings:
             which = "glTF files have animations with names" if option == "animation" else f"mesh files take --{option}"

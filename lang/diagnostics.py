@@ -7,7 +7,6 @@ import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-SEVERITIES = ("error", "warning", "note")
 MAX_SHOWN_LINE = 160
 
 

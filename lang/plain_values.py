@@ -16,6 +16,11 @@ def show_value(value: Any) -> str:
     return str(value)
 
 
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, such as "1 frame" or "1,200 frames"."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def time_range(least: float, most: float | None = None) -> str:
     """One or two durations as text, such as "8 to 12 s" or "2:10 min"."""
     short, long = _rounded(least), _rounded(least if most is None else most)

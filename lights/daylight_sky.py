@@ -50,8 +50,8 @@ def luminance(cosine: F64, to_sun: F64, sun: float, turbidity: float) -> tuple[F
         return (1.0 + a * np.exp(b / up)) * (1.0 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2)
 
     gamma = np.arccos(np.clip(np.ravel(to_sun), -1.0, 1.0))
-    found = at_zenith * course(np.maximum(np.ravel(cosine), HORIZON), gamma) / course(1.0, sun)
-    shaped = found.reshape(3, *np.shape(cosine))
+    values = at_zenith * course(np.maximum(np.ravel(cosine), HORIZON), gamma) / course(1.0, sun)
+    shaped = values.reshape(3, *np.shape(cosine))
     return np.maximum(shaped[0], 0.0), shaped[1], shaped[2]
 
 

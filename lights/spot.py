@@ -39,7 +39,7 @@ def _lower(args: Mapping[str, Any], lowering: Lowering) -> Row:
         soft = cone
     cos_cone, cos_full = math.cos(cone), math.cos(cone - soft)
     if cos_cone >= 1.0:
-        raise LightError(f"the spot's cone of {math.degrees(cone):.4g}deg is too narrow to be told from none")
+        raise LightError(f"the spot's cone of {math.degrees(cone):.4g}deg is too narrow to be distinguished from none")
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / flux_share(cos_cone, cos_full)
     return Row(KIND, intensity, position=position, direction=direction.tolist(), cos_cone=cos_cone, cos_full=cos_full)
 

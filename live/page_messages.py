@@ -101,7 +101,7 @@ def parsed(data: str | bytes) -> Any:
     except RecursionError:
         raise StateError("the message nests too deep") from None
     except ValueError as fault:
-        raise StateError(f"the message is no JSON: {fault}"[:MAX_SHOWN]) from None
+        raise StateError(f"the message is not JSON: {fault}"[:MAX_SHOWN]) from None
 
 
 def check(message: Any) -> str:
@@ -118,7 +118,7 @@ def check(message: Any) -> str:
 
 
 def _refuse(name: str) -> Any:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a number of JSON")
 
 
 def _text(value: Any, _: Any) -> str:

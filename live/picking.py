@@ -34,8 +34,8 @@ def pick(scene: ir.Scene, shown: Shown, x: float, y: float) -> dict[str, Any]:
         "material": _name(names.materials, material),
         "model": ir.MaterialModel(int(tables.materials.model[material])).name.lower() if material >= 0 else "",
         "light": _name(names.lights, light) if light >= 0 else None,
-        "place": place(scene.spans.at("instances", instance)),
-        "material_place": place(scene.spans.at("materials", material)),
+        "place": place(scene.spans.get("instances", instance)),
+        "material_place": place(scene.spans.get("materials", material)),
     }  # fmt: skip
 
 

@@ -109,8 +109,8 @@ def _stamp(file: Path) -> Stamp:
 
 def _events(folders: set[Path], stop: threading.Event) -> Iterable[object]:
     """An item for each event in `folders`, and one each second. Missing folders are skipped."""
-    there = sorted(str(folder) for folder in folders if folder.is_dir())
+    existing = sorted(str(folder) for folder in folders if folder.is_dir())
     return watchfiles.watch(
-        *there, watch_filter=None, recursive=False, debounce=10 * STEP, step=STEP, rust_timeout=POLL, yield_on_timeout=True,
+        *existing, watch_filter=None, recursive=False, debounce=10 * STEP, step=STEP, rust_timeout=POLL, yield_on_timeout=True,
         stop_event=stop, raise_interrupt=True,
     )  # fmt: skip

@@ -13,12 +13,12 @@ from .contract import Arguments, Element, Lobes, MitsubaRow
 MODEL = ir.MaterialModel.BLEND
 
 
-def _lower(given: Arguments) -> MaterialData:
+def _lower(arguments: Arguments) -> MaterialData:
     """A blend of two opaque materials, shaded at points."""
-    rows = [given.part(name) for name in ("first", "second")]
-    flat = all(given.args[name].args.get("shading") == "flat" for name in ("first", "second"))
+    rows = [arguments.part(name) for name in ("first", "second")]
+    flat = all(arguments.args[name].args.get("shading") == "flat" for name in ("first", "second"))
     shading = ir.Shading.FLAT if flat else ir.Shading.SMOOTH
-    return MaterialData(MODEL, {ir.Slot.WEIGHT: given.number("weight")}, shading, first=rows[0], second=rows[1])
+    return MaterialData(MODEL, {ir.Slot.WEIGHT: arguments.number("weight")}, shading, first=rows[0], second=rows[1])
 
 
 ELEMENTS = (

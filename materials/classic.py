@@ -25,18 +25,18 @@ _GREY = 1e-9
 def element(name: str, lobe: str, model: ir.MaterialModel) -> Element:
     """The element of a material with a highlight."""
 
-    def lower(given: Arguments) -> MaterialData:
-        diffuse = given.color("color")
+    def lower(arguments: Arguments) -> MaterialData:
+        diffuse = arguments.color("color")
         inputs = {
-            ir.Slot.AMBIENT: diffuse if given.args["ambient"] is None else given.color("ambient"),
+            ir.Slot.AMBIENT: diffuse if arguments.args["ambient"] is None else arguments.color("ambient"),
             ir.Slot.DIFFUSE: diffuse,
-            ir.Slot.SPECULAR: given.color("specular"),
-            ir.Slot.SHININESS: given.number("shininess"),
-            ir.Slot.REFLECTION: given.color("reflection"),
-            ir.Slot.TRANSMISSION: given.color("transmission"),
-            ir.Slot.IOR: given.number("ior"),
+            ir.Slot.SPECULAR: arguments.color("specular"),
+            ir.Slot.SHININESS: arguments.number("shininess"),
+            ir.Slot.REFLECTION: arguments.color("reflection"),
+            ir.Slot.TRANSMISSION: arguments.color("transmission"),
+            ir.Slot.IOR: arguments.number("ior"),
         }
-        return MaterialData(model, inputs, given.shading, given.args["normalized"])
+        return MaterialData(model, inputs, arguments.shading, arguments.args["normalized"])
 
     entry = Entry(
         name,
@@ -87,7 +87,7 @@ def surface(row: SurfaceRow, exponent_scale: float = 0.0) -> Exported:
 
 def mitsuba(row: MitsubaRow, exponent_scale: float = 0.0) -> Any:
     """A diffuse BSDF, a plastic, a conductor, or a blend of diffuse and conductor."""
-    mirror, matt = (float(row.value(slot).max()) for slot in (ir.Slot.REFLECTION, ir.Slot.DIFFUSE))
+    mirror, diffuse = (float(row.value(slot).max()) for slot in (ir.Slot.REFLECTION, ir.Slot.DIFFUSE))
     rough = highlight_roughness(row, exponent_scale)
     if rough is not None and mirror > 0:
         row.cannot(losses.HIGHLIGHT_OF_MIRROR, "specular: 0, or lambert(…)")
@@ -95,10 +95,10 @@ def mitsuba(row: MitsubaRow, exponent_scale: float = 0.0) -> Any:
         row.cannot(losses.HIGHLIGHT, "specular: 0, or lambert(…)")
     if row.value(ir.Slot.TRANSMISSION).max() > 0:
         row.cannot(losses.TRANSMISSION, "glass(…) is")
-    if mirror > 0 and matt == 0:
+    if mirror > 0 and diffuse == 0:
         return row.two_sided(conductor(row))
     if mirror > 0:
-        return row.two_sided(_mix(row, mirror, matt))
+        return row.two_sided(_mix(row, mirror, diffuse))
     if rough is not None:  # it reflects 4 % along the normal, as microfacets of glTF do
         plastic = {"distribution": "ggx", "int_ior": 1.5, "ext_ior": 1.0, "alpha": rough**2}
         return row.two_sided(row.bsdf("roughplastic", row.reflectance("diffuse_reflectance"), **plastic))
@@ -110,14 +110,14 @@ def conductor(row: MitsubaRow, scale: float = 1.0) -> Any:
     return row.bsdf("conductor", row.color("specular_reflectance", ir.Slot.REFLECTION, scale), material="none")
 
 
-def _mix(row: MitsubaRow, mirror: float, matt: float) -> Any:
+def _mix(row: MitsubaRow, mirror: float, diffuse: float) -> Any:
     """k_d and k_r together: a blend of two BSDFs, each divided by its weight.
 
     Mitsuba 3.9 weights light seen by the mirror as if it were diffuse (its blendbsdf loses that the sample was discrete). Measured:
     a fifth darker than each BSDF alone. So the two renderers differ.
     """
     row.cannot(losses.BOTH)
-    share = mirror / max(mirror + matt, 1.0)
+    share = mirror / max(mirror + diffuse, 1.0)
     layers = row.bsdf("diffuse", row.reflectance("reflectance", 1.0 / (1.0 - share))), conductor(row, 1.0 / share)
     return row.bsdf("blendbsdf", *layers, weight=share)
 
@@ -144,10 +144,10 @@ def povray(row: PovrayRow, highlight: tuple[str, str] = ("", ""), size: float = 
 
 def _ambient(row: PovrayRow) -> np.ndarray:
     """k_a L_a divided by the pigment, by which POV-Ray multiplies."""
-    wanted, matt = row.value(ir.Slot.AMBIENT) * row.ambient, row.value(ir.Slot.DIFFUSE)
+    wanted, diffuse = row.value(ir.Slot.AMBIENT) * row.ambient, row.value(ir.Slot.DIFFUSE)
     if not wanted.any():
         return np.zeros(3)
     alike = row.texture(ir.Slot.AMBIENT) == row.texture(ir.Slot.DIFFUSE)
-    if not alike or np.any((matt == 0) & (wanted > 0)):
+    if not alike or np.any((diffuse == 0) & (wanted > 0)):
         row.cannot(losses.AMBIENT)
-    return np.where(matt > 0, wanted / np.where(matt > 0, matt, 1.0), 0.0)
+    return np.where(diffuse > 0, wanted / np.where(diffuse > 0, diffuse, 1.0), 0.0)

@@ -30,14 +30,6 @@ class Lobes(Flag):
     PARTS = auto()  # those of its two parts
 
 
-class MaterialError(ValueError):
-    """Arguments of an element that make no material: the message, and a hint."""
-
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message, self.hint = message, hint
-
-
 class Arguments(Protocol):
     """The arguments of an element, as inputs of a material."""
 
@@ -171,7 +163,7 @@ class MitsubaRow(Row, Protocol):
         """The width of microfacets by ROUGHNESS."""
         ...
 
-    def constant(self, name: str, given: float) -> Any: ...
+    def constant(self, name: str, number: float) -> Any: ...
 
     def rgb(self, name: str, color: Any) -> Any: ...
 

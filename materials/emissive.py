@@ -17,9 +17,9 @@ from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, P
 MODEL = ir.MaterialModel.EMISSIVE
 
 
-def _lower(given: Arguments) -> MaterialData:
-    color = given.color("color")
-    return MaterialData(MODEL, {ir.Slot.EMISSION: Input(scale_color(color.value, given.args["luminance"]), color.texture)})
+def _lower(arguments: Arguments) -> MaterialData:
+    color = arguments.color("color")
+    return MaterialData(MODEL, {ir.Slot.EMISSION: Input(scale_color(color.value, arguments.args["luminance"]), color.texture)})
 
 
 ELEMENTS = (

@@ -18,19 +18,20 @@ DARKEST = 1e-6  # least component of a colour inside glass: 0 has infinite absor
 DEPTH = 0.1  # metres, that the colour inside refers to by default
 
 
-def _lower(given: Arguments) -> MaterialData:
-    inputs = {ir.Slot.TRANSMISSION: given.color("color"), ir.Slot.IOR: given.number("ior"), ir.Slot.ROUGHNESS: given.number("roughness")}
-    inputs[ir.Slot.PRIORITY] = Input.number(given.args["priority"])
-    inputs[ir.Slot.ABSORPTION] = Input(_absorption(given))
+def _lower(arguments: Arguments) -> MaterialData:
+    inputs = {ir.Slot.TRANSMISSION: arguments.color("color"), ir.Slot.IOR: arguments.number("ior")}
+    inputs[ir.Slot.ROUGHNESS] = arguments.number("roughness")
+    inputs[ir.Slot.PRIORITY] = Input.number(arguments.args["priority"])
+    inputs[ir.Slot.ABSORPTION] = Input(_absorption(arguments))
     return MaterialData(MODEL, inputs)
 
 
-def _absorption(given: Arguments) -> Color:
+def _absorption(arguments: Arguments) -> Color:
     """The absorption coefficient per metre: white light has the colour `inside` after `depth`."""
-    color, depth = given.args["inside"], given.args["depth"]
+    color, depth = arguments.args["inside"], arguments.args["depth"]
     if color is None:
         if depth is not None:
-            given.error("`depth` is given without `inside`", "give `inside`, the colour at that depth, or leave it out")
+            arguments.error("`depth` is given without `inside`", "give `inside`, the colour at that depth, or leave it out")
         return BLACK
     r, g, b = (-math.log(max(c, DARKEST)) / (DEPTH if depth is None else depth) + 0.0 for c in color)
     return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
@@ -61,8 +62,8 @@ LOBE = facets = None
 
 
 def surface(row: SurfaceRow) -> Exported:
-    made = row.surface(row.input(ir.Slot.TRANSMISSION), NOTHING, row.input(ir.Slot.ROUGHNESS), row.ior)
-    return Exported(made, 1.0, as_color(row.value(ir.Slot.ABSORPTION)))
+    exported = row.surface(row.input(ir.Slot.TRANSMISSION), NOTHING, row.input(ir.Slot.ROUGHNESS), row.ior)
+    return Exported(exported, 1.0, as_color(row.value(ir.Slot.ABSORPTION)))
 
 
 def mitsuba(row: MitsubaRow) -> Any:

@@ -15,9 +15,9 @@ __all__ = ["mitsuba", "povray", "surface"]
 MODEL = ir.MaterialModel.LAMBERT
 
 
-def _lower(given: Arguments) -> MaterialData:
-    diffuse = given.color("color")
-    return MaterialData(MODEL, {ir.Slot.AMBIENT: diffuse, ir.Slot.DIFFUSE: diffuse}, given.shading)
+def _lower(arguments: Arguments) -> MaterialData:
+    diffuse = arguments.color("color")
+    return MaterialData(MODEL, {ir.Slot.AMBIENT: diffuse, ir.Slot.DIFFUSE: diffuse}, arguments.shading)
 
 
 ELEMENTS = (

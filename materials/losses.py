@@ -34,7 +34,6 @@ REFRACTION = "refraction is not carried: glass is a surface that light passes st
 CLEAR_GLASS = "glass of index 1 is not carried"
 AT_VERTICES = "light at vertices (gouraud) is not carried: it is computed at every point"
 NORMAL_STRENGTH = "the strength of a normal map is not carried"
-NORMAL_MAP = "a normal map is not carried"
 BUMP_MAP = "a bump map is not carried"
 BLEND = "a blend is not carried: the material that counts more is"
 COLORS = "the mesh's colours are carried only where they stand alone, or times a constant"

@@ -22,15 +22,15 @@ KINDS = ("gold", "silver", "copper", "aluminium", "iron", "steel", "titanium", "
 _DIP = LOWEST * (1.0 - LOWEST) ** 6
 
 
-def _lower(given: Arguments) -> MaterialData:
-    f0, edge = metals.reflectance(given.args["kind"])
-    color = given.color("color")
+def _lower(arguments: Arguments) -> MaterialData:
+    f0, edge = metals.reflectance(arguments.args["kind"])
+    color = arguments.color("color")
     inputs = {
         ir.Slot.SPECULAR: Input(multiply_colors(f0, color.value), color.texture),
         ir.Slot.EDGE: Input(edge),
-        ir.Slot.ROUGHNESS: given.number("roughness"),
+        ir.Slot.ROUGHNESS: arguments.number("roughness"),
     }
-    return MaterialData(MODEL, inputs, given.shading)
+    return MaterialData(MODEL, inputs, arguments.shading)
 
 
 ELEMENTS = (

@@ -15,8 +15,8 @@ from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, P
 MODEL = ir.MaterialModel.MIRROR
 
 
-def _lower(given: Arguments) -> MaterialData:
-    return MaterialData(MODEL, {ir.Slot.REFLECTION: given.color("color")})
+def _lower(arguments: Arguments) -> MaterialData:
+    return MaterialData(MODEL, {ir.Slot.REFLECTION: arguments.color("color")})
 
 
 ELEMENTS = (

@@ -16,24 +16,24 @@ __all__ = ["mitsuba", "povray"]
 MODEL = ir.MaterialModel.PRINCIPLED
 
 
-def _lower(given: Arguments) -> MaterialData:
-    color = given.color("emission")
+def _lower(arguments: Arguments) -> MaterialData:
+    color = arguments.color("emission")
     inputs = {
-        ir.Slot.AMBIENT: given.number("occlusion"),
-        ir.Slot.DIFFUSE: given.color("color"),
-        ir.Slot.ROUGHNESS: given.number("roughness"),
-        ir.Slot.IOR: given.number("ior"),
-        ir.Slot.METALLIC: given.number("metallic"),
-        ir.Slot.COAT: given.number("clearcoat"),
-        ir.Slot.COAT_ROUGHNESS: given.number("clearcoat_roughness"),
-        ir.Slot.SHEEN: given.color("sheen"),
-        ir.Slot.SHEEN_ROUGHNESS: given.number("sheen_roughness"),
-        ir.Slot.EMISSION: Input(scale_color(color.value, given.args["luminance"]), color.texture),
+        ir.Slot.AMBIENT: arguments.number("occlusion"),
+        ir.Slot.DIFFUSE: arguments.color("color"),
+        ir.Slot.ROUGHNESS: arguments.number("roughness"),
+        ir.Slot.IOR: arguments.number("ior"),
+        ir.Slot.METALLIC: arguments.number("metallic"),
+        ir.Slot.COAT: arguments.number("clearcoat"),
+        ir.Slot.COAT_ROUGHNESS: arguments.number("clearcoat_roughness"),
+        ir.Slot.SHEEN: arguments.color("sheen"),
+        ir.Slot.SHEEN_ROUGHNESS: arguments.number("sheen_roughness"),
+        ir.Slot.EMISSION: Input(scale_color(color.value, arguments.args["luminance"]), color.texture),
     }
-    if given.args["specular"] is None:
-        return MaterialData(MODEL, inputs, given.shading)
-    inputs[ir.Slot.SPECULAR] = given.color("specular")
-    return MaterialData(ir.MaterialModel.PRINCIPLED_SPECULAR, inputs, given.shading)
+    if arguments.args["specular"] is None:
+        return MaterialData(MODEL, inputs, arguments.shading)
+    inputs[ir.Slot.SPECULAR] = arguments.color("specular")
+    return MaterialData(ir.MaterialModel.PRINCIPLED_SPECULAR, inputs, arguments.shading)
 
 
 ELEMENTS = (

@@ -54,10 +54,10 @@ def used(tables: ir.Tables) -> np.ndarray:
 
 def with_parts(tables: ir.Tables, trait: np.ndarray) -> np.ndarray:
     """(materials,) bool: materials with a trait, and blends of which a part has it."""
-    m, whole = tables.materials, trait.copy()
+    m, combined = tables.materials, trait.copy()
     for row in blends(tables):
-        whole[row] |= whole[m.first[row]] | whole[m.second[row]]
-    return whole
+        combined[row] |= combined[m.first[row]] | combined[m.second[row]]
+    return combined
 
 
 # --- media ---------------------------------------------------------------------------------------------------------------

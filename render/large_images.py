@@ -34,8 +34,8 @@ def strip_plans(plan: Plan, most: int = MAX_PIXELS) -> list[Plan]:
         return [plan]
     rows = max(min(STRIP_PIXELS, most) // (x1 - x0) // film.TILE, 1) * film.TILE  # the same tiles as of the whole picture
     ends = [(y, min(y + rows, y1)) for y in range(y0, y1, rows)]
-    kept = {} if plan["denoise"] == "on" else {"denoise": "off"}  # the default needs the whole picture
-    return [_with_values(plan, crop=(x0, top, x1, end), **kept) for top, end in ends]
+    overrides = {} if plan["denoise"] == "on" else {"denoise": "off"}  # the default needs the whole picture
+    return [_with_values(plan, crop=(x0, top, x1, end), **overrides) for top, end in ends]
 
 
 def refusal(plan: Plan, exposed: bool = True) -> str:
@@ -68,28 +68,29 @@ def draw_strips(
 
 def join_metadata(about: Sequence[dict[str, Any]], plan: Plan) -> dict[str, Any]:
     """The metadata of the whole picture, as render_scene.draw gives it, from those of its strips."""
-    pixels = np.array([(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (one["crop"] for one in about)], np.float64)
-    errors = [one["error"] for one in about]
-    known = all(error is not None for error in errors)
+    pixels = np.array([(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (strip["crop"] for strip in about)], np.float64)
+    errors = [strip["error"] for strip in about]
+    all_known = all(error is not None for error in errors)
     seconds: dict[str, float] = {}
-    bright = [one["brightness"] for one in about if one["brightness"] is not None]
-    for one in about:
-        for stage, spent in one["seconds"].items():
+    bright = [strip["brightness"] for strip in about if strip["brightness"] is not None]
+    for strip in about:
+        for stage, spent in strip["seconds"].items():
             seconds[stage] = seconds.get(stage, 0.0) + spent
-    sums = {name: sum(one[name] for one in about) for name in ("rays", "issues", "unproved")}
+    sums = {name: sum(strip[name] for strip in about) for name in ("rays", "issues", "unproved")}
     reduced = {  # of a budget, in the words of backends/timed_picture.run; the worst strip
-        "resolution": max(one.get("resolution", 1) for one in about),
-        "without_channels": sum(one.get("without_channels", 0) for one in about),
-        "filled": float(np.average([one.get("filled", 0.0) for one in about], weights=pixels)),
-        "denoising_left_out": any(one.get("denoising_left_out") for one in about),
+        "resolution": max(strip.get("resolution", 1) for strip in about),
+        "without_channels": sum(strip.get("without_channels", 0) for strip in about),
+        "filled": float(np.average([strip.get("filled", 0.0) for strip in about], weights=pixels)),
+        "denoising_left_out": any(strip.get("denoising_left_out") for strip in about),
     }  # fmt: skip
     return {
-        **about[0], **sums, **reduced, "crop": plan["crop"], "samples": max(one["samples"] for one in about),
-        "samples_mean": float(np.average([one["samples_mean"] for one in about], weights=pixels)),
-        "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if known else None,
-        "partial": any(one["partial"] for one in about), "seconds": seconds, "variance": None, "half_difference": None, "error_in_few": 0.0,
+        **about[0], **sums, **reduced, "crop": plan["crop"], "samples": max(strip["samples"] for strip in about),
+        "samples_mean": float(np.average([strip["samples_mean"] for strip in about], weights=pixels)),
+        "error": math.sqrt(float(np.average(np.square(errors), weights=pixels))) if all_known else None,
+        "partial": any(strip["partial"] for strip in about), "seconds": seconds,
+        "variance": None, "half_difference": None, "error_in_few": 0.0,
         "brightness": max(bright, default=None),
-        "cut": (cut := bounce_error.combine([one["cut"] for one in about], pixels)),
+        "cut": (cut := bounce_error.combine([strip["cut"] for strip in about], pixels)),
         "bias": about[0]["bias"] if cut is None else max(cut.share, 0.0),
     }  # fmt: skip
 

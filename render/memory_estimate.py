@@ -72,18 +72,18 @@ def _fixed(scene: ir.Scene, plan: Plan) -> int:
     texels, meshes = tables.images.texels.nbytes, sum(array.nbytes for array in _arrays(tables.pools))
     others = sum(array.nbytes for array in _arrays(tables)) - texels - meshes
     paths = plan["transport"] == "path"
-    made = SCENE * others + MESHES * meshes
+    total = SCENE * others + MESHES * meshes
     if plan["texture_filter"] == "footprint" and not (paths and plan["backend"] == "ray"):
-        made += PYRAMIDS * texels
-    made += RASTER if plan["backend"] == "raster" else PATHS if paths else WHITTED
+        total += PYRAMIDS * texels
+    total += RASTER if plan["backend"] == "raster" else PATHS if paths else WHITTED
     formulas = bool((tables.geometries.kind == ir.GeometryKind.FORMULA).any())
     if formulas:
-        made += FORMULAS
-    made += _of_more_threads(plan, formulas)
+        total += FORMULAS
+    total += _of_more_threads(plan, formulas)
     if plan["denoise"] != "off":
         x0, y0, x1, y1 = plan["crop"]
-        made += min(NETWORK * (x1 - x0) * (y1 - y0), MB * denoise.MEMORY)
-    return int(made)
+        total += min(NETWORK * (x1 - x0) * (y1 - y0), MB * denoise.MEMORY)
+    return int(total)
 
 
 def _of_more_threads(plan: Plan, formulas: bool) -> int:

@@ -30,11 +30,11 @@ SLOWED = "other work or a slow disk delays it: end that work, or give a longer -
 SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
 
 
-def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.Settings) -> list[Diagnostic]:
-    """All diagnostics about a picture whose metadata is `about`, rendered with the settings `asked` for, but those of `plan_warnings`."""
-    known = {note.message for note in planner.notes(scene, plan)}
+def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, settings: ir.Settings) -> list[Diagnostic]:
+    """All diagnostics about a picture with the metadata `about`, drawn with these settings, without those of `plan_warnings`."""
+    planned = {note.message for note in planner.notes(scene, plan)}
     return [
-        *(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in about["notes"] if message not in known),
+        *(Diagnostic("note", message, scene.spans.get(table, row)) for message, table, row in about["notes"] if message not in planned),
         *unproved_warnings(about["unproved"]),
         *invalid_sample_warnings(about["issues"]),
         *bounce_limit_notes(about.get("cut"), scene, plan),
@@ -44,7 +44,7 @@ def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, asked: ir.S
         *exposure_notes(about),
         *cropped_notes(about, plan),
         *unkept_kernel_notes(),
-        *([] if asked.samples or scene.settings.samples else noise_notes(about, plan)),
+        *([] if settings.samples or scene.settings.samples else noise_notes(about, plan)),
     ]
 
 
@@ -66,12 +66,12 @@ def bounce_limit_notes(cut: Cut | None, scene: ir.Scene, plan: Plan) -> list[Dia
     """The note about light lost by the limit on bounces; a warning if an error target is set."""
     if cut is None or not cut.matters:
         return []
-    asked = decision.error_asked(plan)
-    than = "is the error asked for" if asked else "noise hides"
+    target = decision.error_asked(plan)
+    than = "is the error asked for" if target else "noise hides"
     message = f"the limit of {plan['bounces']} bounces leaves out {cut.share:.1%} of a place's light (± {cut.error:.1%}), more than {than}"
     enough = cut.enough or MAX_BOUNCES
     hint = f"render(bounces: {enough}) or --bounces {enough} leaves out less" + ("" if cut.enough else "; here light does not fade")
-    return [Diagnostic("warning" if asked else "note", message, scene.spans.at("settings", 0), hint)]
+    return [Diagnostic("warning" if target else "note", message, scene.spans.get("settings", 0), hint)]
 
 
 def budget_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
@@ -114,14 +114,14 @@ def late_warnings(about: Mapping[str, Any], deadline: Deadline, what: str = "the
         steps.append(", ".join(filter(None, (f"reading and preparing the scene took {ready:.1f} s", slow))))
     if writing > MATTERS * late:
         steps.append(f"writing the picture took {writing:.1f} s")
-    told = f": {'; '.join(steps)}"
+    reason = f": {'; '.join(steps)}"
     if not steps:
         slow = _without_processor(spent, deadline.cpu_spent())
         if not slow:
             return [Diagnostic("warning", message, None, "other work slows this machine, or a step took longer than measured")]
-        told = f", {slow}"
+        reason = f", {slow}"
     hint = SLOWED if slow else "a longer --budget or a smaller --size" if writing > ready else "a longer --budget"
-    return [Diagnostic("warning", message + told, None, hint)]
+    return [Diagnostic("warning", message + reason, None, hint)]
 
 
 def _writing(about: Mapping[str, Any]) -> float:
@@ -140,12 +140,12 @@ def _without_processor(seconds: float, cpu: float) -> str:
 
 def missed_error_warnings(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     """The warning about a picture that ended, by its budget or its most samples, above the error asked for."""
-    asked, reached = decision.error_asked(plan), about.get("error")
-    if about.get("partial") or not asked or (reached is not None and reached <= asked):
+    target, reached = decision.error_asked(plan), about.get("error")
+    if about.get("partial") or not target or (reached is not None and reached <= target):
         return []
     end = f"the budget of {plan['budget']:g} s" if math.isfinite(plan["budget"]) else f"the limit of {plan['samples']:,} samples a pixel"
     how = "before its error was known" if reached is None else f"at an error of {reached:.2%}"
-    message = f"{end} ended the render {how}; {asked:.2%} was asked for"
+    message = f"{end} ended the render {how}; {target:.2%} was asked for"
     return [Diagnostic("warning", message, None, "a longer --budget or a larger --error")]
 
 
@@ -206,13 +206,13 @@ def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     if error is None or error <= wanted:
         return []
     longer = f"--error {wanted:.0%} takes about {time_range((error / wanted) ** 2 * about['seconds']['render'])}"
-    work, left = _limit_of(plan), about.get("denoised_error")
+    work, remaining = _limit_of(plan), about.get("denoised_error")
     if about.get("denoised"):
-        after = "there was no time to measure what is left" if left is None else f"about {left:.1%} are left"
+        after = "there was no time to measure what is left" if remaining is None else f"about {remaining:.1%} are left"
         now = f"its error was {error:.1%}, and {after}"
         return [Diagnostic("note", f"the picture was noisy after {work}, and is denoised: {now}", None, f"{longer} without denoising")]
-    if left is not None:
-        hint = f"{longer}; denoising would leave an error of about {left:.0%}"
+    if remaining is not None:
+        hint = f"{longer}; denoising would leave an error of about {remaining:.0%}"
         return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, hint)]
     smooth = "--denoise smooths it" if importlib.util.find_spec("pyoidn") else f"{install_command('denoise')} smooths it"
     return [Diagnostic("note", f"the picture is noisy: its error is {error:.0%} with {work}", None, f"{longer}; {smooth}")]

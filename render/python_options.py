@@ -48,23 +48,23 @@ def read(name: str, value: Any, reader: Callable[[Any], Any]) -> Any:
         raise ValueError(f"{name}={value!r}: {error}") from None
 
 
-def picture_settings(given: Mapping[str, Any]) -> ir.Settings:
+def picture_settings(arguments: Mapping[str, Any]) -> ir.Settings:
     """The settings of keyword arguments, as numbers, tuples and names or as texts of the command line: error=0.01 or error="1%".
 
     Raises ValueError for a value that a setting cannot have, and for settings that exclude each other.
     """
-    values = {name: read(name, value, PICTURE_SETTINGS[name].read) for name, value in given.items() if value is not None}
+    values = {name: read(name, value, PICTURE_SETTINGS[name].read) for name, value in arguments.items() if value is not None}
     if "samples" in values and "error" in values:
         raise ValueError("samples and error exclude each other: samples sets the work, error the quality")
     return ir.Settings(**values)
 
 
-def settings_of(scene: ir.Scene, given: Mapping[str, Any]) -> ir.Settings:
+def settings_of(scene: ir.Scene, arguments: Mapping[str, Any]) -> ir.Settings:
     """The settings of `render` for a compiled scene, whose params have their values.
 
     Raises TypeError for other keyword arguments, ValueError as `picture_settings`.
     """
-    settings, others = split(given)
+    settings, others = split(arguments)
     for name in others:
         if any(param.name == name for param in scene.params):
             raise TypeError(f"`{name}` is a param of this scene, which is compiled: give it to maquette.load, or to render with the file")
@@ -77,13 +77,13 @@ def explain_unknown(error: SceneError, function: str, params: Iterable[str]) -> 
     """Add a note to an error about params that the scene does not have, where a setting has a similar name."""
     for name in params:
         near = suggest(name, SETTINGS)
-        if near and any(told.message.startswith(f"the scene has no param `{name}`") for told in error.diagnostics):
+        if near and any(item.message.startswith(f"the scene has no param `{name}`") for item in error.diagnostics):
             error.add_note(f"nor has {function} a setting `{name}`; {near}")
 
 
-def warn(found: Iterable[Diagnostic], stacklevel: int) -> None:
+def warn(diagnostics: Iterable[Diagnostic], stacklevel: int) -> None:
     """Hand warnings to Python's `warnings`, each as one line. Notes are left out."""
-    for item in found:
+    for item in diagnostics:
         if item.severity == "warning":
             place = f"{item.span}: " if item.span else ""
             warnings.warn(f"{place}{item.message}{f'; {item.hint}' if item.hint else ''}", SceneWarning, stacklevel=stacklevel + 1)

@@ -45,12 +45,12 @@ class Scene(ir.Scene):
         self, began: tuple[float, float], plan: Mapping[str, str] | None, diagnostics: Diagnostics | None, settings: Mapping[str, Any]
     ) -> Image:  # fmt: skip
         """As `render`, for a call at `began`, the times of time.perf_counter and time.process_time from which a budget counts."""
-        asked = python_options.settings_of(self, settings)
+        request = python_options.settings_of(self, settings)
         if plan is not None and not isinstance(plan, Mapping):
             raise TypeError(f"plan is a dict of decisions by name, not {type(plan).__name__}")
-        decided = planner.make_plan(self, asked, plan)
+        decided = planner.make_plan(self, request, plan)
         image = render_scene.draw(self, decided, deadline=Deadline(decided["budget"], began[0], processed=began[1]))
-        items = [*picture_notes.plan_warnings(self, decided), *picture_notes.of_render(image.metadata, self, decided, asked)]
+        items = [*picture_notes.plan_warnings(self, decided), *picture_notes.of_render(image.metadata, self, decided, request)]
         items += picture_notes.late_drawing_warnings(image.metadata, decided)
         image.metadata["diagnostics"] = tuple(items)
         if diagnostics is None:

@@ -204,9 +204,9 @@ def count_unproved(renderer: Any) -> int:
 def _notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Effects that the plan or the backend does not draw."""
     dark = emissive_shapes.without_effect(scene, plan)
-    found = [] if dark is None else [(dark.message, "instances", dark.instance)]
+    notes_of_scene = [] if dark is None else [(dark.message, "instances", dark.instance)]
     if plan["backend"] != "raster":
-        return found
+        return notes_of_scene
     from .backends.raster import notes
 
-    return [*found, *notes(scene, plan)]
+    return [*notes_of_scene, *notes(scene, plan)]

@@ -10,7 +10,7 @@ from ..compiler import ir
 from .contract import Shape
 
 OTHERS = (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)
-"""The kinds of geometries that are no analytic shapes."""
+"""The kinds of geometries that are not analytic shapes."""
 SHAPES: dict[int, Shape] = {
     kind: import_module(f".{kind.name.lower()}", __name__)  # type: ignore[misc]
     for kind in ir.GeometryKind

@@ -173,9 +173,9 @@ def triangles(p: Sequence[float], tolerance: float) -> Tessellation:
     return surfaces.flat(positions, rows, quadric_triangles.normals(matrix, positions))
 
 
-def deviation(p: Sequence[float], made: Tessellation) -> float:
+def deviation(p: Sequence[float], tessellation: Tessellation) -> float:
     """To first order."""
-    return quadric_triangles.deviation(quadric_triangles.matrix(p), made.positions[:, :3], made.triangles)
+    return quadric_triangles.deviation(quadric_triangles.matrix(p), tessellation.positions[:, :3], tessellation.triangles)
 
 
 def povray(p: Sequence[float], text: Text) -> tuple[str, list[str]]:

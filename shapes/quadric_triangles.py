@@ -107,9 +107,9 @@ def _crossed_edges(tets: NDArray[np.int64], inside: NDArray[np.bool_]) -> NDArra
     order = np.argsort(~inside[tets], axis=1, kind="stable")  # inside corners first
     sorted_tets = np.take_along_axis(tets, order, axis=1)
     count = inside[tets].sum(axis=1)
-    one, two, three = (sorted_tets[count == n] for n in (1, 2, 3))
-    alone = [t[:, [[p, q0], [p, q1], [p, q2]]] for t, (p, q0, q1, q2) in ((one, (0, 1, 2, 3)), (three, (3, 0, 1, 2)))]
-    quads = [two[:, [[0, 2], [0, 3], [1, 3]]], two[:, [[0, 2], [1, 3], [1, 2]]]]
+    one_inside, two_inside, three_inside = (sorted_tets[count == n] for n in (1, 2, 3))
+    alone = [t[:, [[p, q0], [p, q1], [p, q2]]] for t, (p, q0, q1, q2) in ((one_inside, (0, 1, 2, 3)), (three_inside, (3, 0, 1, 2)))]
+    quads = [two_inside[:, [[0, 2], [0, 3], [1, 3]]], two_inside[:, [[0, 2], [1, 3], [1, 2]]]]
     return np.concatenate([*alone, *quads])
 
 

@@ -147,6 +147,6 @@ def flat(positions: NDArray, triangles: NDArray, normals: NDArray) -> Tessellati
     return Tessellation(homogeneous, triangles.astype(np.int32), normals, np.full((len(positions), 2), np.nan), none)
 
 
-def without_uvs(made: Tessellation) -> Tessellation:
+def without_uvs(tessellation: Tessellation) -> Tessellation:
     """The same without coordinates: those of the shape's `uv` take their place."""
-    return made._replace(uvs=np.full_like(made.uvs, np.nan))
+    return tessellation._replace(uvs=np.full_like(tessellation.uvs, np.nan))

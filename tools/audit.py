@@ -56,8 +56,8 @@ def main(names: list[str]) -> int:
         vulnerabilities, audited = judge(report)
         if audited:
             others = len(report["dependencies"]) - audited
-            told = f"{audited} dependencies audited, {len(vulnerabilities)} vulnerabilities"
-            print(told + (f"; {name} knows nothing about {others} others" if others else ""))
+            summary = f"{audited} dependencies audited, {len(vulnerabilities)} vulnerabilities"
+            print(summary + (f"; {name} knows nothing about {others} others" if others else ""))
             print("\n".join(vulnerabilities), end="\n" if vulnerabilities else "")
             return 1 if vulnerabilities else 0
         reasons.append(f"{name} knows nothing about any of {len(report['dependencies'])}")

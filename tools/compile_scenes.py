@@ -21,9 +21,9 @@ def main() -> None:
     for file in sys.argv[1:]:
         scene = load.load(Path(file))
         for backend in ("ray", "raster"):
-            asked = replace(scene.settings, threads=1, backend=backend)
+            settings = replace(scene.settings, threads=1, backend=backend)
             try:
-                width, height = plan.make_plan(scene, asked)["size"]
+                width, height = plan.make_plan(scene, settings)["size"]
             except plan.PlanError as error:
                 print(f"{file}: {backend}: nothing to compile, {error}", flush=True)
                 continue
@@ -31,7 +31,7 @@ def main() -> None:
                 size = min(part[0], width), min(part[1], height)
                 x, y = (width - size[0]) // 2, (height - size[1]) // 2
                 crop = x, y, x + size[0], y + size[1]
-                render_scene.draw(scene, plan.make_plan(scene, replace(asked, crop=crop)))  # its size decides about textures and shadows
+                render_scene.draw(scene, plan.make_plan(scene, replace(settings, crop=crop)))  # its size decides about textures and shadows
             print(f"{file}: {backend}", flush=True)
 
 

@@ -48,17 +48,17 @@ def _photometric(entry: Entry) -> bool:
 
 def sheet(file: str, text: str) -> Image.Image:
     """All entries of a library file."""
-    found = entries(file, text)
+    listed = entries(file, text)
     step = (CELL[0] + 6, CELL[1] + LABEL + 6)
-    across = min(ACROSS, len(found))
-    made = Image.new("RGB", (step[0] * across, step[1] * math.ceil(len(found) / across)), "white")
-    draw = ImageDraw.Draw(made)
+    across = min(ACROSS, len(listed))
+    image = Image.new("RGB", (step[0] * across, step[1] * math.ceil(len(listed) / across)), "white")
+    draw = ImageDraw.Draw(image)
     font = ImageFont.truetype(str(ROOT / "stdlib" / "fonts" / "DejaVuSans.ttf"), 11, layout_engine=ImageFont.Layout.BASIC)
-    for k, entry in enumerate(found):
-        at = 3 + k % across * step[0], 3 + k // across * step[1]
-        made.paste(picture(entry), at)
-        draw.text((at[0], at[1] + CELL[1] + 1), entry.name, "black", font)
-    return made
+    for k, entry in enumerate(listed):
+        corner = 3 + k % across * step[0], 3 + k // across * step[1]
+        image.paste(picture(entry), corner)
+        draw.text((corner[0], corner[1] + CELL[1] + 1), entry.name, "black", font)
+    return image
 
 
 def main() -> None:
@@ -66,9 +66,9 @@ def main() -> None:
     (ROOT / "build").mkdir(exist_ok=True)
     texts = library()
     for file in sys.argv[1:] or texts:
-        made = sheet(file, texts[file])
-        made.save(ROOT / "docs" / "library" / f"{file}.jpg", quality=QUALITY, subsampling=0, optimize=True)
-        print(f"docs/library/{file}.jpg: {made.width}x{made.height}")
+        image = sheet(file, texts[file])
+        image.save(ROOT / "docs" / "library" / f"{file}.jpg", quality=QUALITY, subsampling=0, optimize=True)
+        print(f"docs/library/{file}.jpg: {image.width}x{image.height}")
 
 
 if __name__ == "__main__":

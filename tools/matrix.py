@@ -69,25 +69,25 @@ class Unavailable(Exception):
 def interpreter(version: str) -> Path:
     """The Python of an environment with the pinned packages, which is made where it is missing. Raises Unavailable."""
     folder = MADE / f"python{version}"
-    made = folder / "bin" / "python"
+    python = folder / "bin" / "python"
     if (folder / ".made").exists():
-        return made
-    found = _found(version)
-    subprocess.run([found, "-m", "venv", "--clear", folder], check=True)
-    install = [made, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--require-hashes", "-r"]
+        return python
+    base_python = _found(version)
+    subprocess.run([base_python, "-m", "venv", "--clear", folder], check=True)
+    install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--require-hashes", "-r"]
     done = subprocess.run([*install, ROOT / "requirements" / "develop.txt"], capture_output=True, text=True)
     if done.returncode:
         raise Unavailable(f"the packages for Python {version} cannot be installed: {done.stderr.strip().splitlines()[-1:]}")
     (folder / ".made").touch()
-    return made
+    return python
 
 
 def _found(version: str) -> str:
     """An interpreter of a version, of the PATH or of pyenv."""
     pyenv = sorted(Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob(f"versions/{version}.*/bin/python{version}"))
     for path in (shutil.which(f"python{version}"), *map(str, pyenv)):
-        told = path and subprocess.run([path, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True, text=True)
-        if path and told and told.stdout.strip() == version:
+        probe = path and subprocess.run([path, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True, text=True)
+        if path and probe and probe.stdout.strip() == version:
             return path
     raise Unavailable(f"there is no python{version} on this machine")
 
@@ -99,14 +99,14 @@ def run(row: Row) -> bool:
     python = interpreter(row.python) if row.python else Path(sys.executable)
     with tempfile.TemporaryDirectory() as packages:
         (Path(packages) / "maquette").symlink_to(ROOT)
-        own = {name: value for name, value in os.environ.items() if name not in row.environment} | {"PYTHONPATH": packages}
-        own |= {name: value for name, value in row.environment.items() if value is not None}
+        environment = {name: value for name, value in os.environ.items() if name not in row.environment} | {"PYTHONPATH": packages}
+        environment |= {name: value for name, value in row.environment.items() if value is not None}
         if level := row.environment.get("MAQUETTE_SIMD"):
             code = "from maquette.render.simd import target; target.check_host()"
-            if subprocess.run([python, "-c", code], env=own, capture_output=True).returncode:
+            if subprocess.run([python, "-c", code], env=environment, capture_output=True).returncode:
                 raise Unavailable(f"this machine has no {level}")
         command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", *row.tests]
-        return subprocess.run(command, cwd=ROOT, env=own).returncode == 0
+        return subprocess.run(command, cwd=ROOT, env=environment).returncode == 0
 
 
 def chosen(names: list[str], everything: bool, day: datetime.date) -> list[Row]:
@@ -114,11 +114,11 @@ def chosen(names: list[str], everything: bool, day: datetime.date) -> list[Row]:
     if everything:
         return list(ROWS)
     if names:
-        known = {row.name: row for row in ROWS}
-        unknown = [name for name in names if name not in known]
+        by_name = {row.name: row for row in ROWS}
+        unknown = [name for name in names if name not in by_name]
         if unknown:
-            raise SystemExit(f"there is no row `{unknown[0]}`: choose from {', '.join(known)}")
-        return [known[name] for name in names]
+            raise SystemExit(f"there is no row `{unknown[0]}`: choose from {', '.join(by_name)}")
+        return [by_name[name] for name in names]
     sampled = [row for row in ROWS if row.sampled]
     return [sampled[day.toordinal() % len(sampled)]]
 
@@ -127,9 +127,9 @@ def main() -> int:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("rows", nargs="*", metavar="ROW")
     words.add_argument("--all", action="store_true")
-    asked = words.parse_args()
+    options = words.parse_args()
     failed = []
-    for row in chosen(asked.rows, asked.all, datetime.datetime.now(datetime.UTC).date()):
+    for row in chosen(options.rows, options.all, datetime.datetime.now(datetime.UTC).date()):
         print(f"--- {row.name}", flush=True)
         start = time.monotonic()
         try:

@@ -73,10 +73,10 @@ def bill() -> str:
         licenses=[LicenseExpression(licence)],
     )  # fmt: skip
     parts = [*dependencies(), *bundled()]
-    made = Bom(components=parts)
-    made.metadata.component = product
-    made.register_dependency(product, parts)
-    text: dict[str, Any] = json.loads(JsonV1Dot6(made).output_as_string())
+    bom = Bom(components=parts)
+    bom.metadata.component = product
+    bom.register_dependency(product, parts)
+    text: dict[str, Any] = json.loads(JsonV1Dot6(bom).output_as_string())
     del text["metadata"]["timestamp"], text["serialNumber"]
     content = json.dumps(text, sort_keys=True)
     text["serialNumber"] = f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_URL, content)}"

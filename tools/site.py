@@ -46,8 +46,8 @@ CONFIG = {
 def linked(page: Path) -> list[Path]:
     """The files that a page links to."""
     text = FENCE.sub("", page.read_text(encoding="utf-8"))
-    found = [(page.parent / link).resolve() for link in LINK.findall(text) if "://" not in link]
-    return [path for path in found if path.is_relative_to(ROOT) and path.exists()]
+    targets = [(page.parent / link).resolve() for link in LINK.findall(text) if "://" not in link]
+    return [path for path in targets if path.is_relative_to(ROOT) and path.exists()]
 
 
 def sections() -> dict[str, list[str]]:
@@ -82,12 +82,12 @@ def lay_out(source: Path) -> None:
 def _for_mkdocs(text: str, page: Path) -> str:
     """A page with what GitHub's Markdown does without: an empty line before a list, and the file of a folder's link."""
 
-    def whole(match: re.Match[str]) -> str:
+    def readme_link(match: re.Match[str]) -> str:
         folder = page.parent / match[1]
         return f"{match[1].rstrip('/')}/README.md" if folder.is_dir() and (folder / "README.md").exists() else match[1]
 
     parts = re.split(r"(^```.*?^```)", text, flags=re.MULTILINE | re.DOTALL)
-    return "".join(part if part.startswith("```") else LINK.sub(whole, LIST.sub(r"\1\n\n", part)) for part in parts)
+    return "".join(part if part.startswith("```") else LINK.sub(readme_link, LIST.sub(r"\1\n\n", part)) for part in parts)
 
 
 def build(folder: Path) -> int:

@@ -74,12 +74,12 @@ def make_wheel(build: Path, out: Path) -> Path:
     """Build the wheel of the copy; its path."""
     other = sysconfig.get_platform().replace("-", "_").replace(".", "_")
     system = f"manylinux_2_17_{platform.machine()}" if sys.platform == "linux" else other  # kernels use no version of the C library
-    made = build / "made"
-    shutil.rmtree(made, ignore_errors=True)
-    command = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(made)]
+    wheels = build / "made"
+    shutil.rmtree(wheels, ignore_errors=True)
+    command = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels)]
     option = f"--config-settings=--build-option=--plat-name={system}"
     subprocess.run([sys.executable, *command, option, str(build / "path" / "maquette")], check=True)
-    (wheel,) = made.glob("*.whl")
+    (wheel,) = wheels.glob("*.whl")
     out.mkdir(parents=True, exist_ok=True)
     return Path(shutil.copy(wheel, out / wheel.name))
 
@@ -98,17 +98,17 @@ def main() -> int:
     parser.add_argument("--sets", default=",".join(SETS), help="instruction sets")
     parser.add_argument("--scenes", help="scenes whose specialised kernels come along")
     parser.add_argument("--no-general", action="store_true", help="leave the general kernels out")
-    asked = parser.parse_args()
-    build = asked.build.resolve()
-    chosen = [Path(name).resolve() for name in asked.scenes.split(",")] if asked.scenes else []
+    options = parser.parse_args()
+    build = options.build.resolve()
+    chosen = [Path(name).resolve() for name in options.scenes.split(",")] if options.scenes else []
     tree = copy_tree(build)
-    for isa in asked.sets.split(","):
-        compile_kernels(build, isa, chosen, not asked.no_general)
+    for isa in options.sets.split(","):
+        compile_kernels(build, isa, chosen, not options.no_general)
         run(build, isa, str(TOOLS / "collect_kernels.py"), str(tree / "prebuilt"))
-    made = make_wheel(build, asked.out)
-    write_bill(build, made)
-    size = made.stat().st_size
-    print(f"{made}: {size / 1e6:.1f} MB")
+    wheel = make_wheel(build, options.out)
+    write_bill(build, wheel)
+    size = wheel.stat().st_size
+    print(f"{wheel}: {size / 1e6:.1f} MB")
     return 0 if size <= LARGEST else 1
 
 

@@ -41,9 +41,9 @@ class Cycles:
     def draw(self, size: int, samples: int, seed: int, bounces: int, guiding: bool) -> Path:
         """The EXR file of a picture, which the next one replaces."""
         out = Path(self._folder.name) / "picture.exr"
-        asked = {"size": size, "samples": samples, "seed": seed, "bounces": bounces, "guiding": guiding, "out": str(out)}
+        request = {"size": size, "samples": samples, "seed": seed, "bounces": bounces, "guiding": guiding, "out": str(out)}
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(asked) + "\n")
+        self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
         self.cpu = self._read()
         return out
@@ -72,5 +72,5 @@ class Cycles:
 
 def read(path: Path) -> NDArray[np.float64]:
     """A picture of `draw`, linear (h, w, 3)."""
-    found: Any = image_reader.read(path).channels["rgba"]
-    return np.asarray(found[..., :3], np.float64)
+    pixels: Any = image_reader.read(path).channels["rgba"]
+    return np.asarray(pixels[..., :3], np.float64)

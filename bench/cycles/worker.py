@@ -38,16 +38,16 @@ def open_stage(path: str) -> Any:
     return scene
 
 
-def draw(scene: Any, asked: dict[str, Any]) -> None:
+def draw(scene: Any, request: dict[str, Any]) -> None:
     """Write one picture."""
     import bpy  # pyright: ignore[reportMissingImports]
 
     settings = scene.cycles
-    scene.render.resolution_x = scene.render.resolution_y = asked["size"]
-    scene.render.filepath = asked["out"]
-    settings.samples, settings.seed, settings.use_guiding = asked["samples"], asked["seed"], asked["guiding"]
+    scene.render.resolution_x = scene.render.resolution_y = request["size"]
+    scene.render.filepath = request["out"]
+    settings.samples, settings.seed, settings.use_guiding = request["samples"], request["seed"], request["guiding"]
     for name in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
-        setattr(settings, f"{name}_bounces", asked["bounces"])
+        setattr(settings, f"{name}_bounces", request["bounces"])
     bpy.ops.render.render(write_still=True)
 
 

@@ -45,8 +45,8 @@ def _names_of(allowed: Sequence[str], what: str) -> Any:
         for i, name in enumerate(names):
             if name not in allowed:
                 hint = suggest(name, allowed)
-                there = f"no {what} is called `{name}`; there are {', '.join(allowed)}"
-                raise click.BadParameter(f"{there}; {hint}" if hint else there, ctx, param)
+                message = f"no {what} is called `{name}`; there are {', '.join(allowed)}"
+                raise click.BadParameter(f"{message}; {hint}" if hint else message, ctx, param)
             if name in names[:i]:
                 raise click.BadParameter(f"`{name}` is given twice", ctx, param)
         return names

@@ -66,8 +66,8 @@ def _backends(ctx: click.Context, param: click.Parameter, text: str | None) -> t
 def _backend_choice(ctx: click.Context, param: click.Parameter, item: str, types: Mapping[str, click.ParamType]) -> BackendChoice:
     backend, *words = item.split(":")
     if backend not in BACKENDS:
-        there = f"no backend is called `{backend}`; there are {', '.join(BACKENDS)}"
-        raise click.BadParameter(f"{there}. {suggest(backend, BACKENDS)}".rstrip(" ."), ctx, param)
+        message = f"no backend is called `{backend}`; there are {', '.join(BACKENDS)}"
+        raise click.BadParameter(f"{message}. {suggest(backend, BACKENDS)}".rstrip(" ."), ctx, param)
     options, decisions = {}, {}
     for word in words:
         try:

@@ -69,12 +69,12 @@ def command(
     try:
         exported = writers.export(writer, job)
     except ExportError as failure:
-        terminal.report(failure.out.found)
+        terminal.report(failure.out.diagnostics)
         raise click.ClickException(str(failure)) from None
     for name in exported.files:
         jobs.check_folder(output.with_name(name), map(Path, compiled.files))
     exported.save(output)
-    terminal.report(exported.found)
+    terminal.report(exported.diagnostics)
     for message in exported.messages:
         click.echo(message, err=True)
     if writer.deviation and exported.triangles:

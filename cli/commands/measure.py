@@ -39,9 +39,9 @@ DENSITIES = {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1000.0, "g/cm³": 1000.0}
 
 def density(text: str) -> float:
     """`1.24g/cm3`, `7850kg/m3`, or a bare number of kilograms a cubic metre; above zero."""
-    found = re.fullmatch(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(\S*)\s*", text, re.IGNORECASE)
+    match_ = re.fullmatch(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(\S*)\s*", text, re.IGNORECASE)
     try:
-        value = float(found[1]) * DENSITIES[found[2] or "kg/m3"] if found else 0.0
+        value = float(match_[1]) * DENSITIES[match_[2] or "kg/m3"] if match_ else 0.0
     except (KeyError, ValueError):
         value = 0.0
     if not 0.0 < value < math.inf:
@@ -52,10 +52,10 @@ def density(text: str) -> float:
 def region(text: str) -> tuple[int, int, int, int]:
     """`X,Y` of a pixel or `x0,y0,x1,y1`, in pixels from the top left; x1 and y1 are exclusive."""
     if text.count(",") == 1:
-        found = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", text)
-        if found is None:
+        match_ = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", text)
+        if match_ is None:
             raise ValueError("a pixel is written x,y, and a region x0,y0,x1,y1, in pixels from the top left")
-        x, y = int(found[1]), int(found[2])
+        x, y = int(match_[1]), int(match_[2])
         return x, y, x + 1, y + 1
     return setting_values.crop(text)
 
@@ -96,7 +96,7 @@ def region(text: str) -> tuple[int, int, int, int]:
 )
 def command(
     scene: Path, only: tuple[str, ...], without: tuple[str, ...], density: float | None, deviation: float | None, as_json: bool,
-    outputs: tuple[Path, ...], **given: Any,
+    outputs: tuple[Path, ...], **settings: Any,
 ) -> None:  # fmt: skip
     """Measure the parts of SCENE: size, volume, area, center, mass, inertia; and its light.
 
@@ -109,15 +109,15 @@ def command(
     from ...measure.light import report
 
     _check_outputs(outputs)
-    about_light = {name: given.pop(name) for name in ("named", "daylight", "regions", "glare", "error", "budget")}
-    source = shared.source_of(scene, given)
+    about_light = {name: settings.pop(name) for name in ("named", "daylight", "regions", "glare", "error", "budget")}
+    source = shared.source_of(scene, settings)
     compiled = selected(shared.load(replace(source, mesh=replace(source.mesh, deviation=deviation))), only, without)
     for path in outputs:
         jobs.check_folder(path, map(Path, compiled.files))
     kinds = [path.suffix.lower() for path in outputs]
     only_light = any(about_light[name] for name in ("named", "daylight", "regions", "glare")) or ".csv" in kinds or ".png" in kinds
     parts = [] if only_light else _parts(compiled, deviation)
-    light = _light(compiled, about_light, given, bool(set(kinds) - {".png"}) or not outputs or bool(about_light["named"]))
+    light = _light(compiled, about_light, settings, bool(set(kinds) - {".png"}) or not outputs or bool(about_light["named"]))
     data: Any = [_as_data(part, density) for part in parts]
     if light is None and ".csv" in kinds:
         raise click.ClickException("a .csv holds light, and the scene has no light meter; place meter([0, 75cm, 0], size: [2, 1])")
@@ -135,7 +135,7 @@ def command(
         elif kind == ".csv":
             replace_file(path, report.as_csv(light or report.Light()).encode())
         else:
-            _false_colours(compiled, given, about_light, path)
+            _false_colours(compiled, settings, about_light, path)
 
 
 def _check_outputs(outputs: Sequence[Path]) -> None:
@@ -151,40 +151,41 @@ def _parts(compiled: ir.Scene, deviation: float | None) -> list[Properties]:
     """The parts of a scene. Raises ClickException without any, unless there are meters."""
     from ...render.tessellation import mass_properties
 
-    parts, found = mass_properties.measure(compiled, deviation)
-    terminal.report(found)
+    parts, diagnostics = mass_properties.measure(compiled, deviation)
+    terminal.report(diagnostics)
     if not parts and not compiled.meters:
         raise click.ClickException("the scene has no bounded surface to measure")
     return parts
 
 
-def _light(compiled: ir.Scene, asked: dict[str, Any], given: dict[str, Any], reads_meters: bool) -> report.Light | None:
+def _light(compiled: ir.Scene, about_light: dict[str, Any], settings: dict[str, Any], reads_meters: bool) -> report.Light | None:
     """The light of a scene; None where there is none to measure. Raises ClickException."""
     from ...compiler import ir
     from ...measure.light import report, sensors
 
-    meters = _chosen(compiled, asked["named"])
-    if asked["daylight"] and not meters:
+    meters = _chosen(compiled, about_light["named"])
+    if about_light["daylight"] and not meters:
         raise click.ClickException("the scene has no light meter, of which daylight factors are; place meter([0, 75cm, 0], size: [2, 1])")
-    reads_meters &= bool(asked["named"]) or not (asked["daylight"] or asked["regions"] or asked["glare"])
-    if not (asked["daylight"] or asked["regions"] or asked["glare"] or (meters and reads_meters)):
+    reads_meters &= bool(about_light["named"]) or not (about_light["daylight"] or about_light["regions"] or about_light["glare"])
+    if not (about_light["daylight"] or about_light["regions"] or about_light["glare"] or (meters and reads_meters)):
         return None
-    request = report.Request(meters, ir.Settings(**given), reads_meters, asked["daylight"], asked["regions"], asked["glare"])
+    daylight, regions, glare = (about_light[name] for name in ("daylight", "regions", "glare"))
+    request = report.Request(meters, ir.Settings(**settings), reads_meters, daylight, regions, glare)
     try:
-        light = report.measure(compiled, request, _effort(asked, given))
+        light = report.measure(compiled, request, _effort(about_light, settings))
     except sensors.MeterError as fault:
         terminal.report([Diagnostic("error", str(fault), fault.meter.place, fault.hint)])
         raise click.exceptions.Exit(1) from None
     except ValueError as fault:
         raise click.ClickException(str(fault)) from None
-    terminal.report(light.found)
+    terminal.report(light.diagnostics)
     return light
 
 
-def _effort(asked: dict[str, Any], given: dict[str, Any]) -> Any:
+def _effort(about_light: dict[str, Any], settings: dict[str, Any]) -> Any:
     from ...measure.light.replicates import Effort
 
-    return Effort(asked["error"], time.monotonic() + (asked["budget"] or BUDGET), given["threads"], given["seed"] or 0)
+    return Effort(about_light["error"], time.monotonic() + (about_light["budget"] or BUDGET), settings["threads"], settings["seed"] or 0)
 
 
 def _chosen(compiled: ir.Scene, patterns: Sequence[str]) -> list[ir.Meter]:
@@ -195,26 +196,26 @@ def _chosen(compiled: ir.Scene, patterns: Sequence[str]) -> list[ir.Meter]:
         return list(compiled.meters)
     names = [meter.name for meter in compiled.meters]
     try:
-        kept = selection.named(names, patterns)
+        matched = selection.named(names, patterns)
     except selection.SelectionError:
         wrong = next(p for p in patterns if p not in names)
-        known = suggest(wrong, names) or (f"there are: {', '.join(names)}" if names else "the scene has none")
-        raise click.UsageError(f"no meter is called `{wrong}`; {known}") from None
-    return [meter for meter, keep in zip(compiled.meters, kept, strict=True) if keep]
+        hint = suggest(wrong, names) or (f"there are: {', '.join(names)}" if names else "the scene has none")
+        raise click.UsageError(f"no meter is called `{wrong}`; {hint}") from None
+    return [meter for meter, keep in zip(compiled.meters, matched, strict=True) if keep]
 
 
-def _false_colours(compiled: ir.Scene, given: dict[str, Any], asked: dict[str, Any], path: Path) -> None:
+def _false_colours(compiled: ir.Scene, settings: dict[str, Any], about_light: dict[str, Any], path: Path) -> None:
     """Draw the picture, and write its luminance in false colours."""
     from ...compiler import ir
     from ...measure.light import false_colour
     from ...render import picture_notes, render_scene
     from ...render.image import metrics
 
-    settings = ir.Settings(**given, budget=asked["budget"])
-    plan = jobs.make_plan(compiled, settings, {})
+    picture_settings = ir.Settings(**settings, budget=about_light["budget"])
+    plan = jobs.make_plan(compiled, picture_settings, {})
     terminal.report(picture_notes.plan_warnings(compiled, plan))
     image = render_scene.draw(compiled, plan)
-    terminal.report(picture_notes.of_render(image.metadata, compiled, plan, settings))
+    terminal.report(picture_notes.of_render(image.metadata, compiled, plan, picture_settings))
     replace_file(path, false_colour.picture(metrics.luminance(image.channels["rgba"][..., :3])))
 
 
@@ -242,8 +243,8 @@ def _lines(part: Properties, unit: str, factor: float, density: float | None) ->
     lines.append(f"  volume   {_number(part.volume, factor**3)} {unit}³")
     center = ", ".join(f"{x:.6g}" for x in np.round(part.center.value * factor, 9) + 0.0)
     off = float(part.center.error.max())
-    known = off <= 1e-9 * float((part.high - part.low).max())
-    lines.append(f"  center   [{center}] {unit}" + ("" if known else f" ± {off * factor:.2g}"))
+    exact = off <= 1e-9 * float((part.high - part.low).max())
+    lines.append(f"  center   [{center}] {unit}" + ("" if exact else f" ± {off * factor:.2g}"))
     if density:
         scale, name = (1e9, "g mm²") if unit == "mm" else (1.0, "kg m²")
         along = ", ".join(f"{x:.6g}" for x in np.diag(part.inertia.value) * density * scale)

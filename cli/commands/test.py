@@ -83,7 +83,7 @@ def _scenes(paths: Sequence[Path]) -> Iterator[tuple[str, Path]]:
         files = sorted(p for p in path.rglob("*.scene") if not any(part.startswith(".") for part in p.relative_to(path).parts))
         for file in files if path.is_dir() else [path]:
             if not path.is_dir() and file.suffix.lower() not in file_types.OPENED:
-                raise click.UsageError(f"{file} is no scene: it ends in {', '.join(file_types.OPENED)}")
+                raise click.UsageError(f"{file} is not a scene: it ends in {', '.join(file_types.OPENED)}")
             if file.resolve() not in seen:
                 seen.add(file.resolve())
                 yield (file.relative_to(path).as_posix() if path.is_dir() else file.name), file

@@ -55,7 +55,7 @@ class Bodies:
                 yield body if count == 1 else body._replace(name=f"{body.name}.{count}")
 
     def _tell(self, body: Body) -> None:
-        """Add a body to what is told of the triangles: their number and their distance from the surface, float32 numbers included."""
+        """Add a body to the note about triangles: their number and their distance from the surface, float32 numbers included."""
         error, size = self._converters.error(body.instance), float(np.linalg.norm(body.matrix[:3, :3], 2))
         reach = float(np.linalg.norm(body.shell.positions, axis=1).max()) * size + float(np.linalg.norm(body.matrix[:3, 3]))
         self.out.triangles += len(body.shell.triangles)

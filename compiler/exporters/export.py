@@ -27,7 +27,7 @@ class Export:
     text: str = ""
     data: bytes = b""  # of a binary format, in place of the text
     files: dict[str, bytes] = field(default_factory=dict)
-    found: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
     triangles: int = 0
     deviation: float = 0.0  # metres: largest distance of the triangles from the true surface
     closed: str = ""  # how the triangles fit together, of formats for printing: closed, 3 open edges
@@ -54,7 +54,7 @@ class Export:
     def lights(self) -> list[int]:
         """The rows of lights that shine, without those added to a scene that has none: other programs have their own."""
         lights = self.scene.tables.lights
-        return [row for row in np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist() if self.scene.spans.at("lights", row)]
+        return [row for row in np.flatnonzero(lights.color.max(axis=1, initial=0.0) > 0).tolist() if self.scene.spans.get("lights", row)]
 
     def tessellated(self, kind: ir.GeometryKind, instance: int, triangles: int, tolerance: float) -> None:
         """Report that a shape is exported as triangles, unless the triangles are exact."""
@@ -94,12 +94,12 @@ class Export:
     @property
     def lost(self) -> list[str]:
         """The features that the format lacks, each with its place; empty for a faithful export."""
-        return [f"{d.span}: {d.message}" if d.span else d.message for d in self.found if d.severity == "warning"]
+        return [f"{d.span}: {d.message}" if d.span else d.message for d in self.diagnostics if d.severity == "warning"]
 
     def _say(self, severity: str, message: str, table: str, row: int, hint: str) -> None:
-        diagnostic = Diagnostic(severity, message, self.scene.spans.at(table, row) if table else None, hint)
-        if diagnostic not in self.found:
-            self.found.append(diagnostic)
+        diagnostic = Diagnostic(severity, message, self.scene.spans.get(table, row) if table else None, hint)
+        if diagnostic not in self.diagnostics:
+            self.diagnostics.append(diagnostic)
 
 
 class ExportError(Exception):

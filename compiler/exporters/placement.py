@@ -70,8 +70,8 @@ def reach(tables: ir.Tables) -> tuple[F64, float]:
         if np.isfinite([low, high]).all():
             corners = np.array([[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
             points += list((corners @ world(tables, i).T)[:, :3])
-    lamps = ir.is_in(tables.lights.kind, POINTS)
-    points += list(tables.lights.position[lamps])
+    placed = ir.is_in(tables.lights.kind, POINTS)
+    points += list(tables.lights.position[placed])
     cloud = np.array(points)
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     return (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-3)

@@ -71,7 +71,7 @@ class SurfaceRow(MaterialRow):
 
 
 def surface_of(out: Export, row: int) -> Exported:
-    """The surface of a material that is no blend. Reports inputs that the format lacks."""
+    """The surface of a material that is not a blend. Reports inputs that the format lacks."""
     surface_row = SurfaceRow(out, row)
     surface_row.reports_vertex_light()
     assert surface_row.module.surface is not None

@@ -94,7 +94,8 @@ def table() -> str:
 def export(writer: Writer, job: ExportJob) -> Export:
     """A scene in a format. Raises ExportError."""
     write = cast("Callable[[ExportJob], Export]", importlib.import_module(f".{writer.module}", __package__).export)
-    made = write(job)
+    exported = write(job)
     if job.scene.meters and writer.lights != "none" and writer.lights != "everything":
-        made.found.append(Diagnostic("warning", "light meters are not carried", job.scene.meters[0].place, "a saved IR (.npz) keeps them"))
-    return made
+        warning = Diagnostic("warning", "light meters are not carried", job.scene.meters[0].place, "a saved IR (.npz) keeps them")
+        exported.diagnostics.append(warning)
+    return exported

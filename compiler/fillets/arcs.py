@@ -69,8 +69,8 @@ def fillet_union(parts: Sequence[Tape], bounds: Sequence[np.ndarray], radius: fl
     trees = [_tree(b, name, k, leaves, radius) for k, name in enumerate(fields)]
     values = [partial(_value, tree) for tree in trees]
     seams = Seams(b, [leaf.name for leaf in leaves], [leaf.part for leaf in leaves], values, bounds, radius)
-    found = _Blend(b, fields, trees, leaves, seams, radius).whole()
-    return b.finish(b.op(Op.NEGATE, found) if complement else found)
+    blend = _Blend(b, fields, trees, leaves, seams, radius).union()
+    return b.finish(b.op(Op.NEGATE, blend) if complement else blend)
 
 
 @cache
@@ -84,40 +84,40 @@ def _samples() -> np.ndarray:
 
 def _tree(b: Builder, name: int, part: int, leaves: list[Leaf], size: float) -> Tree:
     """The tree of a field; appends its leaves. Fields that are equal up to rounding, as of flush faces, are one leaf."""
-    known: dict[int, Leaf] = {}
+    leaf_of: dict[int, Leaf] = {}
     samples: list[tuple[np.ndarray, Leaf]] = []
 
     def leaf(name: int) -> Leaf:
-        if name not in known:
-            found = numpy_interpreter.points(b.finish(name), *(size * _samples()))[0]
-            close = EQUAL * (abs(found).max() + size)
-            same = next((other for values, other in samples if abs(values - found).max() <= close), None)
+        if name not in leaf_of:
+            values = numpy_interpreter.points(b.finish(name), *(size * _samples()))[0]
+            close = EQUAL * (abs(values).max() + size)
+            same = next((leaf for sample, leaf in samples if abs(sample - values).max() <= close), None)
             if same is None:
                 same = Leaf(name, part, (len(leaves),))
                 leaves.append(same)
-                samples.append((found, same))
-            known[name] = same
-        return known[name]
+                samples.append((values, same))
+            leaf_of[name] = same
+        return leaf_of[name]
 
     def expand(name: int, factor: float, offset: float) -> Tree:
         """The tree of factor · value + offset."""
-        op, one, other = b.row(name)
-        x, y = (b.number(operand) for operand in (one, other))
+        op, first, second = b.row(name)
+        x, y = (b.number(operand) for operand in (first, second))
         if op == Op.NEGATE:
-            return expand(one, -factor, offset)
+            return expand(first, -factor, offset)
         if op == Op.ADD and (x is not None or y is not None):
-            return expand(other if x is not None else one, factor, offset + factor * (x if x is not None else y or 0.0))
+            return expand(second if x is not None else first, factor, offset + factor * (x if x is not None else y or 0.0))
         if op == Op.SUBTRACT and (x is not None or y is not None):
-            return expand(other, -factor, offset + factor * x) if x is not None else expand(one, factor, offset - factor * (y or 0.0))
+            return expand(second, -factor, offset + factor * x) if x is not None else expand(first, factor, offset - factor * (y or 0.0))
         if op == Op.MULTIPLY and (x or y):
-            return expand(other if x else one, factor * (x or y or 0.0), offset)
+            return expand(second if x else first, factor * (x or y or 0.0), offset)
         if op in (Op.MIN, Op.MAX):
             same = op if factor > 0 else Op.MIN if op == Op.MAX else Op.MAX
             children = [expand(operand, factor, offset) for operand in _operands(b, op, name)]
             inner = [child.children if isinstance(child, Choice) and child.op == same else [child] for child in children]
             return Choice(same, [tree for trees in inner for tree in trees])
         if op == Op.ABS:
-            faces = leaf(b.linear([(factor, one)], offset)), leaf(b.linear([(-factor, one)], offset))
+            faces = leaf(b.linear([(factor, first)], offset)), leaf(b.linear([(-factor, first)], offset))
             for face in faces:
                 face.slab = Slab(b.linear([(factor, name)], offset), abs(offset), faces)
             return Choice(Op.MAX if factor > 0 else Op.MIN, list(faces))
@@ -128,7 +128,7 @@ def _tree(b: Builder, name: int, part: int, leaves: list[Leaf], size: float) -> 
 
 def _operands(b: Builder, op: Op, name: int) -> list[int]:
     """The operands of nested minima, or of nested maxima."""
-    found: list[int] = []
+    operands: list[int] = []
     waiting = [name]
     while waiting:
         name = waiting.pop()
@@ -136,8 +136,8 @@ def _operands(b: Builder, op: Op, name: int) -> list[int]:
         if row[0] == op:
             waiting += [row[2], row[1]]
         else:
-            found.append(name)
-    return found
+            operands.append(name)
+    return operands
 
 
 def _leaves(tree: Tree) -> Iterable[Leaf]:
@@ -171,20 +171,20 @@ class _Blend:
         """A tree in which two faces of a slab with seams at the same surfaces, too far apart to reach each other, are one leaf."""
         if isinstance(tree, Leaf):
             return tree
-        found: dict[int, Tree] = {}
+        children: dict[int, Tree] = {}
         for child in tree.children:
             slab = child.slab if isinstance(child, Leaf) else None
             if slab and slab.half > APART * self.radius and all(face in tree.children for face in slab.faces) and self._alike(*slab.faces):
-                found[id(slab.faces[0])] = Leaf(slab.name, slab.faces[0].part, tuple(face.numbers[0] for face in slab.faces))
+                children[id(slab.faces[0])] = Leaf(slab.name, slab.faces[0].part, tuple(face.numbers[0] for face in slab.faces))
             else:
-                found[id(child)] = self._with_slabs(child)
-        return Choice(tree.op, list(found.values())) if len(found) > 1 else next(iter(found.values()))
+                children[id(child)] = self._with_slabs(child)
+        return Choice(tree.op, list(children.values())) if len(children) > 1 else next(iter(children.values()))
 
-    def _alike(self, one: Leaf, other: Leaf) -> bool:
-        mine, others = ([self.seams.live(face.numbers[0], leaf.numbers[0]) for leaf in self.leaves] for face in (one, other))
+    def _alike(self, first: Leaf, second: Leaf) -> bool:
+        mine, others = ([self.seams.live(face.numbers[0], leaf.numbers[0]) for leaf in self.leaves] for face in (first, second))
         return mine == others
 
-    def whole(self) -> int:
+    def union(self) -> int:
         """The field of the union: the least of its parts, of each pair of them, and of each three at a corner."""
         count = len(self.trees)
         joined = [(k, m) for k, m in combinations(range(count), 2) if self.seams.any(k, m)]
@@ -196,61 +196,61 @@ class _Blend:
             names = [self.b.op(Op.MIN, *names[k : k + 2]) if k + 1 < len(names) else names[k] for k in range(0, len(names), 2)]
         return names[0]
 
-    def pair(self, one: Tree, other: Tree, without: tuple[Leaf, Leaf] | None = None) -> int | None:
+    def pair(self, first: Tree, second: Tree, without: tuple[Leaf, Leaf] | None = None) -> int | None:
         """Two trees joined by arcs at their seams; `without` one pair of leaves, which counts as −∞ there: None if that is the result."""
         covered: set[int] = set()
-        names = self._pair(one, other, without, covered)
+        names = self._pair(first, second, without, covered)
         return None if names is None else self.b.reduce(Op.MIN, [name for name in names if name not in covered])
 
-    def _pair(self, one: Tree, other: Tree, without: tuple[Leaf, Leaf] | None, covered: set[int]) -> list[int] | None:
+    def _pair(self, left: Tree, right: Tree, without: tuple[Leaf, Leaf] | None, covered: set[int]) -> list[int] | None:
         """The values whose minimum is a pair of trees. `covered` are values that one of them never exceeds."""
-        has = without is not None and without[0] in _leaves(one) and without[1] in _leaves(other)
-        if not has and not self._live(one, other):
-            return [*self._lowest(one), *self._lowest(other)]
-        if isinstance(one, Leaf) and isinstance(other, Leaf):
-            covered |= {one.name, other.name}
-            return None if has else [self._arc(one, other)]
-        first = isinstance(one, Choice) and not (isinstance(other, Choice) and other.op == Op.MIN != one.op)
-        split, whole = (one, other) if first else (other, one)
+        has = without is not None and without[0] in _leaves(left) and without[1] in _leaves(right)
+        if not has and not self._live(left, right):
+            return [*self._lowest(left), *self._lowest(right)]
+        if isinstance(left, Leaf) and isinstance(right, Leaf):
+            covered |= {left.name, right.name}
+            return None if has else [self._arc(left, right)]
+        first = isinstance(left, Choice) and not (isinstance(right, Choice) and right.op == Op.MIN != left.op)
+        split, partner = (left, right) if first else (right, left)
         assert isinstance(split, Choice)
-        found: list[int] = []
-        for child in self._merged(split, whole, without):
+        values: list[int] = []
+        for child in self._merged(split, partner, without):
             under = covered if split.op == Op.MIN else set[int]()
-            names = self._pair(*((child, whole) if first else (whole, child)), without, under)
+            names = self._pair(*((child, partner) if first else (partner, child)), without, under)
             if split.op == Op.MIN:
                 if names is None:
                     return None
-                found += names
+                values += names
             elif names is not None:
-                found.append(self.b.reduce(Op.MIN, [name for name in names if name not in under]))
+                values.append(self.b.reduce(Op.MIN, [name for name in names if name not in under]))
         if split.op == Op.MIN:
-            return found
-        return [self.b.reduce(Op.MAX, found)] if found else None
+            return values
+        return [self.b.reduce(Op.MAX, values)] if values else None
 
-    def _merged(self, split: Choice, whole: Tree, without: tuple[Leaf, Leaf] | None) -> list[Tree]:
+    def _merged(self, split: Choice, partner: Tree, without: tuple[Leaf, Leaf] | None) -> list[Tree]:
         """The children of a choice; leaves that meet all leaves of another tree alike are one leaf. Blends rise with each operand."""
         alike: dict[Any, list[Tree]] = {}
         for child in split.children:
             key: Any = id(child)
             if without is not None and any(leaf in without for leaf in _leaves(child)):
                 pass
-            elif not self._live(child, whole):
+            elif not self._live(child, partner):
                 key = ()
             elif isinstance(child, Leaf):
-                key = tuple(self.cosine(child, leaf) if self._live(child, leaf) else None for leaf in _leaves(whole))
+                key = tuple(self.cosine(child, leaf) if self._live(child, leaf) else None for leaf in _leaves(partner))
                 key = key if all(cosine is None or cosine < 0 for cosine in key) else id(child)
             alike.setdefault(key, []).append(child)
-        found: list[Tree] = []
+        merged: list[Tree] = []
         for key, group in alike.items():
             first = next(iter(_leaves(group[0])))
             together = len(group) > 1 and (key or split.op == Op.MAX)
             name = self.b.reduce(split.op, self._names(group)) if together else 0
-            found += [Leaf(name, first.part, first.numbers if key else ())] if together else group
-        return found
+            merged += [Leaf(name, first.part, first.numbers if key else ())] if together else group
+        return merged
 
-    def _arc(self, one: Leaf, other: Leaf) -> int:
+    def _arc(self, first: Leaf, second: Leaf) -> int:
         """r − |v|: the radius of the fillet less the distance to the nearest place for its centre."""
-        return self._within(self.b.op(Op.ARC, self._room(one), self._room(other), self.cosine(one, other)))
+        return self._within(self.b.op(Op.ARC, self._room(first), self._room(second), self.cosine(first, second)))
 
     def _room(self, leaf: Leaf) -> int:
         return self._within(leaf.name)
@@ -274,24 +274,24 @@ class _Blend:
             names.append(slab.name if slab and all(face in trees for face in slab.faces) else self.name(tree))
         return list(dict.fromkeys(names))
 
-    def _live(self, one: Tree, other: Tree) -> bool:
-        return any(self.seams.live(k, m) for p in _leaves(one) for q in _leaves(other) for k in p.numbers for m in q.numbers)
+    def _live(self, first: Tree, second: Tree) -> bool:
+        return any(self.seams.live(k, m) for p in _leaves(first) for q in _leaves(second) for k in p.numbers for m in q.numbers)
 
-    def cosine(self, one: Leaf, other: Leaf) -> int:
+    def cosine(self, first: Leaf, second: Leaf) -> int:
         """The cosine of the angle between two gradients; a constant where it is one."""
-        key = min(one.name, other.name), max(one.name, other.name)
+        key = min(first.name, second.name), max(first.name, second.name)
         if key not in self._cosines:
-            numbers = {self.seams.cosine(k, m) for k in one.numbers for m in other.numbers if self.seams.live(k, m)}
+            numbers = {self.seams.cosine(k, m) for k in first.numbers for m in second.numbers if self.seams.live(k, m)}
             number = numbers.pop() if len(numbers) == 1 else None
-            self._cosines[key] = self.b.constant(number) if number is not None else self._varying(one, other)
+            self._cosines[key] = self.b.constant(number) if number is not None else self._varying(first, second)
         return self._cosines[key]
 
-    def _varying(self, one: Leaf, other: Leaf) -> int:
+    def _varying(self, first: Leaf, second: Leaf) -> int:
         gradients = self.gradients
-        found = [gradients.of(leaf.name) for leaf in (one, other)]
-        product = gradients.dot(*found)
+        pair_gradients = [gradients.gradient_of(leaf.name) for leaf in (first, second)]
+        product = gradients.dot(*pair_gradients)
         over = product.over
-        for leaf, gradient in zip((one, other), found, strict=True):
+        for leaf, gradient in zip((first, second), pair_gradients, strict=True):
             if not self._is_arc(leaf.name) and not self.seams.unit(leaf.numbers[0]):
                 square = gradients.dot(gradient, gradient)
                 length = self.b.op(Op.SQRT, gradients.at_least(gradients.value(square.along[0], square.over), FLOOR * FLOOR))
@@ -300,9 +300,9 @@ class _Blend:
 
     def _is_arc(self, name: int) -> bool:
         """Whether a value is ± an arc's but for a number: its gradient as a value has length 1."""
-        op, one, other = self.b.row(name)
+        op, first, second = self.b.row(name)
         if op in (Op.ADD, Op.NEGATE):
-            return self._is_arc(other if one < 0 else one)
+            return self._is_arc(second if first < 0 else first)
         return op in ARCS
 
     # --- corners ---

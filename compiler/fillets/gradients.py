@@ -35,7 +35,7 @@ class Gradients:
         self.graph, self.floor = graph, floor
         self._known = {k: Gradient(tuple((1.0, None) if k == n else ZERO for n in range(3))) for k in range(INPUTS)}
 
-    def of(self, name: int) -> Gradient:
+    def gradient_of(self, name: int) -> Gradient:
         """The gradient of a value."""
         if name < 0:
             return CONSTANT
@@ -51,16 +51,16 @@ class Gradients:
                 self._known[name] = self._rule(Op(row[0]), name, row[1 : 1 + arity(row[0])])
         return self._known[name]
 
-    def dot(self, one: Gradient, other: Gradient) -> Gradient:
+    def dot(self, first: Gradient, second: Gradient) -> Gradient:
         """The scalar product, as the first component of a gradient."""
-        products = [self._product(p, q) for p, q in zip(one.along, other.along, strict=True)]
-        return Gradient((self._sum(products), ZERO, ZERO), self._over(one.over, other.over))
+        products = [self._product(p, q) for p, q in zip(first.along, second.along, strict=True)]
+        return Gradient((self._sum(products), ZERO, ZERO), self._over(first.over, second.over))
 
     def value(self, term: Term, over: int | None = None) -> int:
         """The value of a component."""
         factor, name = term
-        found = self.graph.constant(factor) if name is None else self.graph.scale(name, factor)
-        return found if over is None or not factor else self.graph.op(Op.DIVIDE, found, over)
+        value = self.graph.constant(factor) if name is None else self.graph.scale(name, factor)
+        return value if over is None or not factor else self.graph.op(Op.DIVIDE, value, over)
 
     def at_least(self, name: int, least: float) -> int:
         return self.graph.op(Op.MAX, name, self.graph.constant(least))
@@ -88,11 +88,11 @@ class Gradients:
     def _quotient(self, gradient: Gradient, by: int) -> Gradient:
         return Gradient(gradient.along, self._over(gradient.over, by))
 
-    def _over(self, one: int | None, other: int | None) -> int | None:
-        return other if one is None else one if other is None else self.graph.multiply(one, other)
+    def _over(self, first: int | None, second: int | None) -> int | None:
+        return second if first is None else first if second is None else self.graph.multiply(first, second)
 
-    def _product(self, one: Term, other: Term) -> Term:
-        (a, p), (b, q) = one, other
+    def _product(self, first: Term, second: Term) -> Term:
+        (a, p), (b, q) = first, second
         if not a * b:
             return ZERO
         return a * b, q if p is None else p if q is None else self.graph.multiply(p, q)
@@ -109,7 +109,7 @@ class Gradients:
     # --- rules ---
 
     def _rule(self, op: Op, name: int, used: tuple[int, ...]) -> Gradient:
-        g, turns = self.graph, [self.of(operand) for operand in used]
+        g, turns = self.graph, [self.gradient_of(operand) for operand in used]
         match op:
             case Op.COPY | Op.ADD:
                 return self.sum(*turns)
@@ -194,7 +194,7 @@ class Gradients:
         cosine = used[2] if len(used) > 2 else zero
         lift = g.scale(g.op(Op.MAX, g.op(Op.NEGATE, g.op(Op.MAX, a, b)), zero), 2.0)
         p, q = g.add(a, lift), g.add(b, lift)
-        u, v = (g.op(Op.MAX, g.subtract(one, g.multiply(cosine, other)), zero) for one, other in ((p, q), (q, p)))
+        u, v = (g.op(Op.MAX, g.subtract(first, g.multiply(cosine, second)), zero) for first, second in ((p, q), (q, p)))
         square = g.add(g.op(Op.SQUARE, u), g.op(Op.SQUARE, v))
         if g.number(cosine) != 0.0:
             square = g.add(square, g.scale(g.multiply(cosine, g.multiply(u, v)), 2.0))

@@ -51,17 +51,17 @@ class Seams:
         self._cosines: dict[tuple[int, int], float | None] = {}
         self._joined = {pair for pair in combinations(range(len(combine)), 2) if self._find(*pair)}
 
-    def any(self, one: int, other: int) -> bool:
+    def any(self, first: int, second: int) -> bool:
         """Whether two parts have a seam."""
-        return (min(one, other), max(one, other)) in self._joined
+        return (min(first, second), max(first, second)) in self._joined
 
-    def live(self, one: int, other: int) -> bool:
+    def live(self, first: int, second: int) -> bool:
         """Whether two leaves have a seam."""
-        return self._live.get((min(one, other), max(one, other)), False)
+        return self._live.get((min(first, second), max(first, second)), False)
 
-    def cosine(self, one: int, other: int) -> float | None:
+    def cosine(self, first: int, second: int) -> float | None:
         """The cosine of the angle between the gradients of two leaves with a seam if it is the same everywhere."""
-        return self._cosines[min(one, other), max(one, other)]
+        return self._cosines[min(first, second), max(first, second)]
 
     def unit(self, leaf: int) -> bool:
         """Whether the gradient of a leaf has length 1 everywhere."""
@@ -74,18 +74,18 @@ class Seams:
         if common is None:
             return False
         start, surfaces = _points(*common), [self._surfaces[leaf] for leaf in leaves]
-        at, gradients = _project(surfaces, start, self._step)
-        on = _on(surfaces, at, gradients, self._step)
-        values = self._values(at)
+        positions, gradients = _project(surfaces, start, self._step)
+        on = _on(surfaces, positions, gradients, self._step)
+        values = self._values(positions)
         for part in parts:
             on &= abs(self._combine[part](values)) <= OFF * self._step
         return bool(on.any())
 
     # --- search ---
 
-    def _values(self, at: np.ndarray) -> np.ndarray:
+    def _values(self, positions: np.ndarray) -> np.ndarray:
         """The values of all leaves (leaves, n) at points (3, n)."""
-        return np.stack(numpy_interpreter.points(self._leaves, *at))
+        return np.stack(numpy_interpreter.points(self._leaves, *positions))
 
     def _common(self, parts: Sequence[int]) -> tuple[np.ndarray, np.ndarray] | None:
         """(lowest corners (3, n), size (3, 1)) of boxes that hold all common points of the surfaces of parts; None if there are none."""
@@ -98,17 +98,17 @@ class Seams:
         corners = low[:, None] + size * np.indices((BOXES,) * 3).reshape(3, -1)
         return corners, size
 
-    def _find(self, one: int, other: int) -> bool:
+    def _find(self, first: int, second: int) -> bool:
         """Find the seams of two parts."""
-        common = self._common((one, other))
+        common = self._common((first, second))
         if common is None:
             return False
         corners, size = common
         mine, others = (
             {k: _may_be_zero(self._surfaces[k].tape, corners, size, self._step) for k in np.flatnonzero(self._part == part).tolist()}
-            for part in (one, other)
+            for part in (first, second)
         )
-        rest = [k for k in range(len(self._combine)) if k not in (one, other)]
+        rest = [k for k in range(len(self._combine)) if k not in (first, second)]
         for p, near in mine.items():
             for q, close in others.items():
                 both = near & close
@@ -124,30 +124,30 @@ class Seams:
             cosine = float(np.dot(*(surface.normal for surface in surfaces)))  # pyright: ignore[reportArgumentType, reportCallIssue]
             if not abs(cosine) < 1 - TANGENT:
                 return False
-        at, gradients = _project(surfaces, start, step)
+        positions, gradients = _project(surfaces, start, step)
         with np.errstate(all="ignore"):
             n, m = (g / np.linalg.norm(g, axis=0) for g in gradients)
             cosine = (n * m).sum(axis=0)
             sine = np.sqrt(1 - cosine * cosine)
-            on = _on(surfaces, at, gradients, step) & (abs(cosine) < 1 - TANGENT)
+            on = _on(surfaces, positions, gradients, step) & (abs(cosine) < 1 - TANGENT)
             ways = (m - cosine * n) / sine, (n - cosine * m) / sine
-        at, ways, gradients = at[:, on], [way[:, on] for way in ways], [g[:, on] for g in gradients]
-        values, found = self._values(at), np.ones(at.shape[1], bool)
+        positions, ways, gradients = positions[:, on], [way[:, on] for way in ways], [g[:, on] for g in gradients]
+        values, on_seam = self._values(positions), np.ones(positions.shape[1], bool)
         for leaf, way, gradient in zip(leaves, ways, gradients, strict=True):
             combine, size = self._combine[self._part[leaf]], step * np.linalg.norm(gradient, axis=0)
-            beside = self._values(at + step * way)
-            found &= (abs(combine(values)) <= OFF * size) & (abs(combine(beside)) <= OFF * size)
+            beside = self._values(positions + step * way)
+            on_seam &= (abs(combine(values)) <= OFF * size) & (abs(combine(beside)) <= OFF * size)
             changed = [beside + sign * size * (np.arange(len(beside)) == leaf)[:, None] for sign in (1.0, -1.0)]
-            found &= np.logical_or.reduce([abs(combine(other) - combine(beside)) > 0.5 * size for other in changed])
+            on_seam &= np.logical_or.reduce([abs(combine(other) - combine(beside)) > 0.5 * size for other in changed])
         for part in rest:
-            found &= ~(self._combine[part](values) < -OFF * step)
-        return bool(found.any())
+            on_seam &= ~(self._combine[part](values) < -OFF * step)
+        return bool(on_seam.any())
 
-    def _even_cosine(self, one: int, other: int, start: np.ndarray) -> float | None:
+    def _even_cosine(self, first: int, second: int, start: np.ndarray) -> float | None:
         """The cosine of two gradients if it is the same at all points."""
         reach = np.ptp(start, axis=1, keepdims=True)
-        at = np.concatenate([start, start + reach * np.random.default_rng(SEED).uniform(-1, 1, start.shape)], axis=1)
-        gradients = [self._surfaces[leaf].gradient(at)[1] for leaf in (one, other)]
+        positions = np.concatenate([start, start + reach * np.random.default_rng(SEED).uniform(-1, 1, start.shape)], axis=1)
+        gradients = [self._surfaces[leaf].gradient(positions)[1] for leaf in (first, second)]
         with np.errstate(all="ignore"):
             lengths = [np.linalg.norm(gradient, axis=0) for gradient in gradients]
             cosines = (gradients[0] * gradients[1]).sum(axis=0) / (lengths[0] * lengths[1])
@@ -175,9 +175,9 @@ class _Surface:
     def __init__(self, tape: Tape, size: float) -> None:
         self.tape, self.size = tape, size
 
-    def gradient(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def gradient(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(values (n,), gradients (3, n)) at points (3, n)."""
-        return numpy_interpreter.gradients(self.tape, *at)
+        return numpy_interpreter.gradients(self.tape, *positions)
 
     @cached_property
     def _sampled(self) -> np.ndarray:
@@ -199,15 +199,15 @@ class _Surface:
         return len(length) > 0 and bool(abs(length - 1).max() < EVEN)
 
 
-def _project(surfaces: Sequence[_Surface], at: np.ndarray, step: float) -> tuple[np.ndarray, list[np.ndarray]]:
+def _project(surfaces: Sequence[_Surface], positions: np.ndarray, step: float) -> tuple[np.ndarray, list[np.ndarray]]:
     """(points (3, n) moved onto two or three surfaces by Newton's method, with the least change; the gradients there)."""
-    reach = math.sqrt(3) * float(np.ptp(at, axis=1).max()) + step
+    reach = math.sqrt(3) * float(np.ptp(positions, axis=1).max()) + step
     flat = all(surface.normal is not None for surface in surfaces)
     with np.errstate(all="ignore"):
         for _ in range(1 if flat else STEPS):
-            found = [surface.gradient(at) for surface in surfaces]
-            slopes = np.stack([gradient for _, gradient in found], axis=1).transpose(2, 1, 0)  # (n, surfaces, 3)
-            values = np.stack([value for value, _ in found], axis=1)
+            fields = [surface.gradient(positions) for surface in surfaces]
+            slopes = np.stack([gradient for _, gradient in fields], axis=1).transpose(2, 1, 0)  # (n, surfaces, 3)
+            values = np.stack([value for value, _ in fields], axis=1)
             gram = slopes @ slopes.transpose(0, 2, 1)
             size = np.trace(gram, axis1=1, axis2=2)
             good = np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(values).all(axis=1) & (size > 0)
@@ -216,15 +216,15 @@ def _project(surfaces: Sequence[_Surface], at: np.ndarray, step: float) -> tuple
             move = (slopes * np.linalg.solve(gram, np.where(good[:, None], values, 0.0)[:, :, None])).sum(axis=1).T
             move = np.where(good, move, 0.0)
             length = np.linalg.norm(move, axis=0)
-            at = at - move * np.minimum(1.0, reach / np.maximum(length, 1e-300))
+            positions = positions - move * np.minimum(1.0, reach / np.maximum(length, 1e-300))
             if np.quantile(length, 0.75) < 1e-3 * ON * step:
                 break
-    return at, [surface.gradient(at)[1] for surface in surfaces]
+    return positions, [surface.gradient(positions)[1] for surface in surfaces]
 
 
-def _on(surfaces: Sequence[_Surface], at: np.ndarray, gradients: Sequence[np.ndarray], step: float) -> np.ndarray:
+def _on(surfaces: Sequence[_Surface], positions: np.ndarray, gradients: Sequence[np.ndarray], step: float) -> np.ndarray:
     """Whether points lie on all surfaces."""
-    on = np.ones(at.shape[1], bool)
+    on = np.ones(positions.shape[1], bool)
     for surface, gradient in zip(surfaces, gradients, strict=True):
-        on &= abs(numpy_interpreter.points(surface.tape, *at)[0]) <= ON * step * np.linalg.norm(gradient, axis=0)
+        on &= abs(numpy_interpreter.points(surface.tape, *positions)[0]) <= ON * step * np.linalg.norm(gradient, axis=0)
     return on

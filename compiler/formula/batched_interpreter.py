@@ -37,15 +37,15 @@ class Batches:
         def row_of(names: np.ndarray) -> np.ndarray:
             return place[np.where(names < 0, ~names, names + len(self.constants))]
 
-        given = row_of(tape.code[:, 1:]).tolist()
+        operand_rows = row_of(tape.code[:, 1:]).tolist()
         self.result = int(row_of(np.array(tape.results[:1]))[0])
         self.rows, self.inputs = len(place), slice(len(self.constants), len(self.constants) + INPUTS)
         self._at_once = max(FEWEST_PLACES, MOST_NUMBERS // self.rows)
         self.steps: list[tuple[int, Any, list[Any]]] = []  # (operation, rows to fill, rows of each operand)
-        for (_, op), whole in order:
-            for begin in range(0, len(whole), MOST_ROWS):
-                rows = whole[begin : begin + MOST_ROWS]
-                operands = [_rows([given[i][k] for i in rows]) for k in range(arity(op))]
+        for (_, op), members in order:
+            for begin in range(0, len(members), MOST_ROWS):
+                rows = members[begin : begin + MOST_ROWS]
+                operands = [_rows([operand_rows[i][k] for i in rows]) for k in range(arity(op))]
                 self.steps.append((op, _rows(range(first, first + len(rows))), operands))
                 first += len(rows)
 
@@ -62,15 +62,15 @@ class Batches:
     def points(self, places: np.ndarray) -> np.ndarray:
         """The first result at points (3, n): see numpy_interpreter.points."""
         n = places.shape[1]
-        found, (whole,), m = np.empty(n), self._tables(n, 1), NumpyMath()
+        values, (buffer,), m = np.empty(n), self._tables(n, 1), NumpyMath()
         for part in self._parts(n):
-            table = whole[:, : part.stop - part.start]
+            table = buffer[:, : part.stop - part.start]
             table[self.inputs] = places[:, part]
             with np.errstate(all="ignore"):
-                for op, to, given in self.steps:
-                    table[to] = point(m, op, *(table[rows] for rows in given))
-            found[part] = table[self.result]
-        return found
+                for op, to, operands in self.steps:
+                    table[to] = point(m, op, *(table[rows] for rows in operands))
+            values[part] = table[self.result]
+        return values
 
     def boxes(self, low: np.ndarray, high: np.ndarray) -> tuple[Interval, np.ndarray]:
         """(bounds of the first result over boxes with corners (3, n), whether parts may be undefined): see numpy_interpreter.boxes.
@@ -86,8 +86,8 @@ class Batches:
             m = _Together((size,))
             lows[self.inputs], highs[self.inputs] = low[:, part], high[:, part]
             with np.errstate(all="ignore"):
-                for op, to, given in self.steps:
-                    lows[to], highs[to] = interval(m, op, *((lows[rows], highs[rows]) for rows in given))
+                for op, to, operands in self.steps:
+                    lows[to], highs[to] = interval(m, op, *((lows[rows], highs[rows]) for rows in operands))
             least[part], most[part], maybe[part] = lows[self.result], highs[self.result], m.maybe
         return (least, most), maybe
 

@@ -17,7 +17,7 @@ _EIGHTHS = ((np.arange(8) >> np.arange(3)[:, None]) & 1)[:, None]  # the half of
 _SMALL = 0.6  # of the extent: a smaller remainder gets a new grid
 _TIGHT = 0.02  # of the extent: the search ends when a round shrinks it by less
 _PARTS = 4  # along each axis of a box, for is_full
-_PLACES, _SOME = 256, 4  # sample points of a field, and the number of zeros that are no accident
+_PLACES, _SOME = 256, 4  # sample points of a field, and the number of zeros that chance does not explain
 _NOUGHT = 1e-9  # of the median magnitude: smaller values may be 0
 _SPREAD = 0.8191725133961645 ** np.arange(1, 4)  # low-discrepancy additive recurrence (Roberts 2018)
 _FACE = 8  # initial pieces along the edge of a face
@@ -47,8 +47,8 @@ def find_bounds(tape: Tape) -> np.ndarray | None:
         if low.shape[1] + 7 * int(outer.sum()) > MOST_BOXES:
             break
         low, high = _cut(low, high, outer)
-    found = _wider(extent, bounds)
-    return None if np.abs(found).max() >= FARTHEST else found
+    widened = _wider(extent, bounds)
+    return None if np.abs(widened).max() >= FARTHEST else widened
 
 
 def shrink_bounds(tape: Tape, bounds: np.ndarray, limits: np.ndarray | None = None) -> np.ndarray | None:
@@ -59,13 +59,13 @@ def shrink_bounds(tape: Tape, bounds: np.ndarray, limits: np.ndarray | None = No
     """
     low, high = bounds[0][:, None], bounds[1][:, None]
     for _ in range(ROUNDS):
-        whole = _around(low, high)
-        low, high = _gridded(whole)
+        around = _around(low, high)
+        low, high = _gridded(around)
         keep = _may_hold(tape, low, high)
         low, high = low[:, keep], high[:, keep]
         if not low.shape[1]:
             return None
-        if _size(_around(low, high)) > _SMALL * _size(whole):
+        if _size(_around(low, high)) > _SMALL * _size(around):
             break
     for _ in range(_FINER):
         outer = _outer(low, high, _around(low, high)) if low.shape[1] else np.zeros(0, bool)
@@ -177,8 +177,8 @@ def is_full(tape: Tape, bounds: np.ndarray, some: np.ndarray) -> bool:
     if not (some <= 0).all():
         return False
     edges = bounds[0] + np.linspace(0.0, 1.0, _PARTS + 1)[:, None] * (bounds[1] - bounds[0])
-    at = np.stack(np.meshgrid(*[np.arange(_PARTS)] * 3, indexing="ij")).reshape(3, -1)
-    low, high = (np.stack([edges[at[axis] + side, axis] for axis in range(3)]) for side in (0, 1))
+    cells = np.stack(np.meshgrid(*[np.arange(_PARTS)] * 3, indexing="ij")).reshape(3, -1)
+    low, high = (np.stack([edges[cells[axis] + side, axis] for axis in range(3)]) for side in (0, 1))
     (_, most), maybe = batches(tape).boxes(low, high)
     return bool(((most <= 0) & ~maybe).all())
 

@@ -106,8 +106,8 @@ class Builder(Graph):
         if op == Op.SUBTRACT and x == 0.0:
             return self.op(Op.NEGATE, b)
         if shared := self._common_factor(a, b):
-            factor, one, other = shared
-            return self.op(Op.MULTIPLY, factor, self.op(op, one, other))  # its bounds are never wider
+            factor, first, second = shared
+            return self.op(Op.MULTIPLY, factor, self.op(op, first, second))  # its bounds are never wider
         return None
 
     def _simplify_product(self, a: int, b: int) -> int | None:
@@ -133,20 +133,20 @@ class Builder(Graph):
 
     def _common_factor(self, a: int, b: int) -> tuple[int, int, int] | None:
         """(a factor of two products, the other factor of each). Constants do not count: they may be equal by chance."""
-        one, other = self.row(a), self.row(b)
-        if one[0] == Op.MULTIPLY == other[0]:
+        first, second = self.row(a), self.row(b)
+        if first[0] == Op.MULTIPLY == second[0]:
             for k, m in ((1, 1), (1, 2), (2, 1), (2, 2)):
-                if one[k] == other[m] >= 0:
-                    return one[k], one[3 - k], other[3 - m]
+                if first[k] == second[m] >= 0:
+                    return first[k], first[3 - k], second[3 - m]
         return None
 
     def _is_negative_of(self, a: int, b: int) -> bool:
         """Whether one value is the other's negative, to the bit."""
-        one, other = self.row(a), self.row(b)
-        negated = one[0] == Op.SUBTRACT and other == (Op.SUBTRACT, one[2], one[1])
+        first, second = self.row(a), self.row(b)
+        negated = first[0] == Op.SUBTRACT and second == (Op.SUBTRACT, first[2], first[1])
         if shared := self._common_factor(a, b):
             negated = self._is_negative_of(*shared[1:])
-        return negated or one[:2] == (Op.NEGATE, b) or other[:2] == (Op.NEGATE, a)
+        return negated or first[:2] == (Op.NEGATE, b) or second[:2] == (Op.NEGATE, a)
 
     # --- tapes ---
 
@@ -154,12 +154,12 @@ class Builder(Graph):
         """The results of another tape, with `inputs` for x, y and z."""
         names = list(inputs)
 
-        def of(name: int) -> int:
+        def value(name: int) -> int:
             return names[name] if name >= 0 else self.constant(tape.constants[~name])
 
         for op, *operands in tape.code.tolist():
-            names.append(self.op(Op(op), *(of(name) for name in operands[: arity(op)])))
-        return tuple(of(name) for name in tape.results)
+            names.append(self.op(Op(op), *(value(name) for name in operands[: arity(op)])))
+        return tuple(value(name) for name in tape.results)
 
     def finish(self, *results: int) -> Tape:
         """The tape of these values: the code and constants that they need, in an order that holds few values at a time."""

@@ -79,11 +79,11 @@ def of_geometry(tables: ir.Tables, g: int) -> Solid | None:
     key = tape.structure(), tape.constants.tobytes(), sheet, reach
     with contextlib.suppress(KeyError):
         return _known[key]
-    found = solid(tape, sheet, reach)
+    form = solid(tape, sheet, reach)
     if len(_known) >= MOST_KNOWN:
         _known.clear()
-    _known[key] = found
-    return found
+    _known[key] = form
+    return form
 
 
 def solid(tape: Tape, sheet: bool = False, reach: float = 1.0) -> Solid | None:
@@ -118,11 +118,11 @@ def _has_both_signs(leaf: Leaf) -> bool:
 Tree = bool | Leaf | tuple[int, "Tree", "Tree"]
 
 
-def _joined(op: int, one: Tree, other: Tree) -> Tree:
-    for a, b in ((one, other), (other, one)):
+def _joined(op: int, first: Tree, second: Tree) -> Tree:
+    for a, b in ((first, second), (second, first)):
         if isinstance(a, bool):
             return b if a == (op == BOTH) else a
-    return op, one, other
+    return op, first, second
 
 
 def _written(tree: Tree, leaves: list[Leaf], steps: list[tuple[int, int]]) -> int:
@@ -132,19 +132,19 @@ def _written(tree: Tree, leaves: list[Leaf], steps: list[tuple[int, int]]) -> in
         leaves.append(tree)
         return 1
     assert not isinstance(tree, bool)
-    op, one, other = tree
-    deep, rest = _depth(one), _depth(other)
-    first, second = (one, other) if deep >= rest else (other, one)
-    found = max(_written(first, leaves, steps), 1 + _written(second, leaves, steps))
+    op, left, right = tree
+    deep, rest = _depth(left), _depth(right)
+    first, second = (left, right) if deep >= rest else (right, left)
+    depth = max(_written(first, leaves, steps), 1 + _written(second, leaves, steps))
     steps.append((op, 0))
-    return found
+    return depth
 
 
 def _depth(tree: Tree) -> int:
     if not isinstance(tree, tuple) or isinstance(tree, Leaf):
         return 1
-    one, other = sorted(map(_depth, tree[1:]))
-    return max(other, one + 1)
+    less, more = sorted(map(_depth, tree[1:]))
+    return max(more, less + 1)
 
 
 class _Reader:
@@ -166,11 +166,11 @@ class _Reader:
             raise _Unknown
         value = self.value(name)
         if value is not None:
-            found = _at_most_0(Root(factor * value.k, value.under, factor * value.rest + added))
-            self.leaves += not isinstance(found, bool)
+            leaf = _at_most_0(Root(factor * value.k, value.under, factor * value.rest + added))
+            self.leaves += not isinstance(leaf, bool)
             if self.leaves > MOST_LEAVES:
                 raise _Unknown
-            return found
+            return leaf
         op, names = self.row(name)
         a, b = names[0], names[-1]
         match op:
@@ -182,21 +182,21 @@ class _Reader:
                 how = BOTH if (op == Op.MAX) == (factor > 0.0) else EITHER
                 return _joined(how, self.holds(a, factor, added), self.holds(b, factor, added))
             case Op.ABS:
-                whole, level = self.value(a), _number(added)
-                if whole is not None and whole.is_plain and not whole.rest[:3, :3].any() and level is not None and factor:
-                    return _slab(whole.rest, factor, level, self.thin)
+                argument, level = self.value(a), _number(added)
+                if argument is not None and argument.is_plain and not argument.rest[:3, :3].any() and level is not None and factor:
+                    return _slab(argument.rest, factor, level, self.thin)
                 how = BOTH if factor > 0.0 else EITHER
                 return _joined(how, self.holds(a, factor, added), self.holds(a, -factor, added))
             case Op.ADD | Op.SUBTRACT:
                 sign = 1.0 if op == Op.ADD else -1.0
-                for one, other, own, its in ((a, b, 1.0, sign), (b, a, sign, 1.0)):
-                    plain = self.value(one)
+                for operand, other, factor_of_operand, factor_of_other in ((a, b, 1.0, sign), (b, a, sign, 1.0)):
+                    plain = self.value(operand)
                     if plain is not None and plain.is_plain:
-                        return self.holds(other, factor * its, added + factor * own * plain.rest)
+                        return self.holds(other, factor * factor_of_other, added + factor * factor_of_operand * plain.rest)
             case Op.MULTIPLY | Op.DIVIDE:
-                one, other = (a, self.number(b)) if op == Op.DIVIDE or self.number(a) is None else (b, self.number(a))
+                operand, other = (a, self.number(b)) if op == Op.DIVIDE or self.number(a) is None else (b, self.number(a))
                 if other:
-                    return self.holds(one, factor / other if op == Op.DIVIDE else factor * other, added)
+                    return self.holds(operand, factor / other if op == Op.DIVIDE else factor * other, added)
             case Op.SQRT | Op.HYPOT:
                 inner = self.square(names)
                 level = _number(added)
@@ -218,8 +218,8 @@ class _Reader:
         return value is not None and value.is_plain and _never_negative(value.rest)
 
     def number(self, name: int) -> float | None:
-        found = self.value(name)
-        return _number(found.rest) if found is not None and found.is_plain else None
+        value = self.value(name)
+        return _number(value.rest) if value is not None and value.is_plain else None
 
     def value(self, name: int) -> Root | None:
         """A value as k √Q + P, if it has that form."""
@@ -247,9 +247,9 @@ class _Reader:
         if name < 0:
             return _plain(_constant(float(self.tape.constants[~name])))
         if name < INPUTS:
-            one = np.zeros((4, 4))
-            one[name, 3] = one[3, name] = 0.5
-            return _plain(one)
+            coordinate = np.zeros((4, 4))
+            coordinate[name, 3] = coordinate[3, name] = 0.5
+            return _plain(coordinate)
         op, names = self.row(name)
         if op in (Op.SQRT, Op.HYPOT):
             inner = self.square(names)
@@ -267,8 +267,8 @@ class _Reader:
         values = [self.value(name) for name in names]
         if len(values) == 1 or None in values:
             return None if None in values else values[0]
-        one, other = (_applied(Op.SQUARE, [value]) for value in values)  # type: ignore[list-item]
-        return None if one is None or other is None else _applied(Op.ADD, [one, other])
+        first, second = (_applied(Op.SQUARE, [value]) for value in values)  # type: ignore[list-item]
+        return None if first is None or second is None else _applied(Op.ADD, [first, second])
 
 
 def _constant(number: float) -> Quadratic:
@@ -302,17 +302,17 @@ def _applied(op: Op, values: list[Root]) -> Root | None:
             if not a.is_plain and shift is not None:
                 return Root(2 * a.k * shift, a.under, a.k**2 * a.under + _constant(shift**2))
             if a.is_plain:
-                found = quadric_recognition._applied(op, [a.rest])
-                return None if found is None else _plain(found)
+                product = quadric_recognition._applied(op, [a.rest])
+                return None if product is None else _plain(product)
         case Op.MULTIPLY | Op.DIVIDE:
-            one, other = (a, b) if op == Op.DIVIDE or _number(b.rest) is not None else (b, a)
+            operand, other = (a, b) if op == Op.DIVIDE or _number(b.rest) is not None else (b, a)
             number = _number(other.rest) if other.is_plain else None
             if number is not None and (number or op == Op.MULTIPLY):
                 factor = 1.0 / number if op == Op.DIVIDE else number
-                return replace(one, k=factor * one.k, rest=factor * one.rest)
+                return replace(operand, k=factor * operand.k, rest=factor * operand.rest)
             if op == Op.MULTIPLY and a.is_plain and b.is_plain:
-                found = quadric_recognition._applied(op, [a.rest, b.rest])
-                return None if found is None else _plain(found)
+                product = quadric_recognition._applied(op, [a.rest, b.rest])
+                return None if product is None else _plain(product)
     return None
 
 
@@ -346,10 +346,10 @@ def _at_most_0(value: Root) -> Tree:
         line = np.append(2 * rest[:3, 3], rest[3, 3]) / k
         square = np.outer(line, line)
         return _joined(BOTH, _leaf(rest), _leaf(under - square)) if k > 0 else _joined(EITHER, _leaf(rest), _leaf(square - under))
-    found = _torus(-abs(k), under, rest if k < 0 else -rest)
-    if found is None:
+    torus = _torus(-abs(k), under, rest if k < 0 else -rest)
+    if torus is None:
         raise _Unknown
-    return Leaf(None, found, outside=k > 0)
+    return Leaf(None, torus, outside=k > 0)
 
 
 def _root_at_most(inner: Root, factor: float, level: float) -> Tree:
@@ -366,12 +366,12 @@ def _slab(line: Quadratic, factor: float, level: float, thin: float) -> Tree:
     bound = -level / factor
     if bound < 0.0:
         return factor < 0.0
-    whole = np.append(2 * line[:3, 3], line[3, 3])
+    plane = np.append(2 * line[:3, 3], line[3, 3])
     sign = math.copysign(1.0, factor)
-    if 0.0 < bound < thin * float(np.linalg.norm(whole[:3])):
+    if 0.0 < bound < thin * float(np.linalg.norm(plane[:3])):
         sides = [_leaf(sign * (side * line - _constant(bound))) for side in (1.0, -1.0)]
         return _joined(BOTH if sign > 0.0 else EITHER, *sides)
-    return _leaf(sign * (np.outer(whole, whole) - _constant(bound**2)))
+    return _leaf(sign * (np.outer(plane, plane) - _constant(bound**2)))
 
 
 def _torus(k: float, under: Quadratic, rest: Quadratic) -> Torus | None:
@@ -403,12 +403,12 @@ def _torus(k: float, under: Quadratic, rest: Quadratic) -> Torus | None:
     return Torus(np.concatenate([turned, -(turned @ center)[:, None]], axis=1), ring, math.sqrt(square))
 
 
-def holds(found: Solid, points: np.ndarray) -> np.ndarray:
+def holds(shape: Solid, points: np.ndarray) -> np.ndarray:
     """Whether points (n, 3) are in a solid."""
     waiting: list[np.ndarray] = []
-    for op, number in found.steps:
+    for op, number in shape.steps:
         if op == LEAF:
-            waiting.append(_leaf_holds(found.leaves[number], points))
+            waiting.append(_leaf_holds(shape.leaves[number], points))
         else:
             b, a = waiting.pop(), waiting.pop()
             waiting.append(a & b if op == BOTH else a | b)
@@ -418,8 +418,8 @@ def holds(found: Solid, points: np.ndarray) -> np.ndarray:
 def _leaf_holds(leaf: Leaf, points: np.ndarray) -> np.ndarray:
     if leaf.torus is None:
         assert leaf.form is not None  # a leaf has a form or a torus
-        one = np.concatenate([points, np.ones((len(points), 1))], axis=1)
-        return np.einsum("ni,ij,nj->n", one, leaf.form, one) <= 0.0
+        homogeneous = np.concatenate([points, np.ones((len(points), 1))], axis=1)
+        return np.einsum("ni,ij,nj->n", homogeneous, leaf.form, homogeneous) <= 0.0
     frame, ring, tube = leaf.torus
     x, y, z = (points @ frame[:, :3].T + frame[:, 3]).T
     inside = np.hypot(np.hypot(x, z) - ring, y) <= tube

@@ -40,20 +40,20 @@ class Contour(NamedTuple):
     missing: float = 0.0  # size of the cells that miss thinner parts; 0 if none were found, or searched for
 
 
-def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST, whole: bool = False) -> Contour:
+def within(tape: Tape, bounds: Floats, tolerance: float, most: int = MOST, complete: bool = False) -> Contour:
     """The surface in a box, with cells halved until its deviation is at most `tolerance`.
 
-    With `whole` also until no part is found between the corners of cells. At most `most` cells lie along the longest axis.
+    With `complete` also until no part is found between the corners of cells. At most `most` cells lie along the longest axis.
     """
     count = LEAST
     while True:
-        made = contour(tape, bounds, count, whole)
-        if (made.furthest <= tolerance and made.missing == 0.0) or 2 * count > most:
-            return made
+        surface = contour(tape, bounds, count, complete)
+        if (surface.furthest <= tolerance and surface.missing == 0.0) or 2 * count > most:
+            return surface
         count *= 2
 
 
-def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Contour:
+def contour(tape: Tape, bounds: Floats, count: int, complete: bool = False) -> Contour:
     """The surface in a box (2, 3), with `count` cells along its longest axis."""
     extent = bounds[1] - bounds[0]
     size = float(extent.max()) / count
@@ -69,7 +69,7 @@ def contour(tape: Tape, bounds: Floats, count: int, whole: bool = False) -> Cont
     inside = _field(tape, grid.place(grid.cell(codes))) <= 0
     pattern = (inside[index.reshape(-1, 8)] << np.arange(8)).sum(axis=1)
     mixed = (pattern != 0) & (pattern != 255)
-    missing = size if whole and _is_missing(tape, grid, cells, pattern, mixed) else 0.0
+    missing = size if complete and _is_missing(tape, grid, cells, pattern, mixed) else 0.0
     cells, pattern = cells[mixed], pattern[mixed]
     if not len(cells):
         return nothing._replace(missing=missing)
@@ -136,8 +136,8 @@ def _is_missing(tape: Tape, grid: _Grid, cells: Ints, pattern: Ints, mixed: NDAr
     near = np.zeros(grid.shape + 2, bool)
     near[tuple(cells[mixed].T + 1)] = True
     for axis in range(3):
-        there = np.moveaxis(near, axis, 0)
-        there[1:-1] = there[:-2] | there[1:-1] | there[2:]
+        layers = np.moveaxis(near, axis, 0)
+        layers[1:-1] = layers[:-2] | layers[1:-1] | layers[2:]
     lone = ~near[tuple(cells.T + 1)]
     cells, inside = cells[lone], pattern[lone] != 0
     for first in range(0, len(cells), _BATCH):
@@ -175,14 +175,14 @@ def _loops(otherwise: bool) -> Ints:
         crossed = [k for k, (a, b) in enumerate(_ENDS) if (pattern >> a & 1) != (pattern >> b & 1)]
         joined: dict[int, list[int]] = {k: [] for k in crossed}
         for face in _FACES:
-            here = [k for k in crossed if _ENDS[k][0] in face and _ENDS[k][1] in face]
-            pairs = [tuple(here)] if len(here) == 2 else []
-            if len(here) == 4:
+            face_edges = [k for k in crossed if _ENDS[k][0] in face and _ENDS[k][1] in face]
+            pairs = [tuple(face_edges)] if len(face_edges) == 2 else []
+            if len(face_edges) == 4:
                 corners = [c for c in face if (pattern >> c & 1) != otherwise]
                 pairs = [tuple(_EDGE_OF[frozenset((c, d))] for d in face if frozenset((c, d)) in _EDGE_OF) for c in corners]
-            for one, other in pairs:
-                joined[one].append(other)
-                joined[other].append(one)
+            for first, second in pairs:
+                joined[first].append(second)
+                joined[second].append(first)
         piece = 0
         for start in crossed:
             if table[pattern, start] < 0:
@@ -216,15 +216,15 @@ def _joined() -> NDArray[np.bool_]:
 
 def _is_otherwise(grid: _Grid, cells: Ints, pattern: Ints) -> NDArray[np.bool_]:
     """(n,) whether a cell shares an ambiguous face with a cell whose roots there also belong to one component."""
-    found, codes = np.zeros(len(cells), bool), grid.number(cells)
+    otherwise, codes = np.zeros(len(cells), bool), grid.number(cells)
     order = np.argsort(codes)
     for axis in range(3):
         mine = np.flatnonzero(_joined()[pattern, 2 * axis + 1])
         next_ = grid.number(cells[mine] + np.eye(3, dtype=np.int64)[axis])
         other = order[np.minimum(np.searchsorted(codes[order], next_), len(order) - 1)]
         both = (codes[other] == next_) & _joined()[pattern[other], 2 * axis]
-        found[mine[both]] = found[other[both]] = True
-    return found
+        otherwise[mine[both]] = otherwise[other[both]] = True
+    return otherwise
 
 
 class _Edges:
@@ -297,19 +297,19 @@ def _triangles(grid: _Grid, cells: Ints, edges: _Edges, vertex_of: Ints, vertice
     u, v = (np.take_along_axis(offset, other[:, k : k + 1], axis=1)[:, 0] for k in range(2))
     turn = np.where(v == 1, np.where(u == 1, 0, 1), np.where(u == 1, 3, 2))  # cells (-u -v), (+u -v), (+u +v), (-u +v)
     around[edges.index, turn] = vertex_of
-    whole = (around >= 0).all(axis=1)
-    quads, rising = around[whole], edges.rising[whole]
+    complete = (around >= 0).all(axis=1)
+    quads, rising = around[complete], edges.rising[complete]
     quads = np.where(rising[:, None], quads, quads[:, ::-1])
     p = vertices[quads]
-    wanted = np.where(rising, 1.0, -1.0)[:, None] * np.eye(3)[edges.axis[whole]]
+    wanted = np.where(rising, 1.0, -1.0)[:, None] * np.eye(3)[edges.axis[complete]]
 
     def flatness(cut: int) -> Floats:
         """Agreement of the normals of the two triangles of a diagonal, with the wanted side."""
         a, b, c, d = (p[:, (cut + k) % 4] for k in range(4))
-        one, two = np.cross(b - a, c - a), np.cross(c - a, d - a)
-        lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
-        alike = (one * two).sum(axis=1) / np.where(lengths > 0, lengths, 1.0)
-        return alike + np.minimum((one * wanted).sum(axis=1), 0.0) + np.minimum((two * wanted).sum(axis=1), 0.0)
+        first, second = np.cross(b - a, c - a), np.cross(c - a, d - a)
+        lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+        alike = (first * second).sum(axis=1) / np.where(lengths > 0, lengths, 1.0)
+        return alike + np.minimum((first * wanted).sum(axis=1), 0.0) + np.minimum((second * wanted).sum(axis=1), 0.0)
 
     swap = flatness(1) > flatness(0) + 1e-9
     quads = np.where(swap[:, None], np.roll(quads, -1, axis=1), quads)
@@ -338,33 +338,33 @@ def deviation(tape: Tape, positions: Floats, triangles: Ints) -> tuple[float, fl
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     normals = np.concatenate([normals, np.repeat(normals, 3, axis=0), normals[first // 3]])
-    known = np.flatnonzero(np.isfinite(off))
-    order, furthest = known[np.argsort(-off[known], kind="stable")], 0.0
+    finite = np.flatnonzero(np.isfinite(off))
+    order, furthest = finite[np.argsort(-off[finite], kind="stable")], 0.0
     for first in range(0, len(order), _LOOKED_AT):  # the largest first, until no other can be larger
         part = order[first : first + _LOOKED_AT]
         if off[part[0]] <= furthest:
             break
         off[part] = _to_change(tape, places[part], normals[part], off[part])
         furthest = max(furthest, float(off[part].max()))
-    off = off[known]
+    off = off[finite]
     return (float(off.max()), float(off.mean())) if len(off) else (0.0, 0.0)
 
 
 def _to_change(tape: Tape, places: Floats, normals: Floats, off: Floats) -> Floats:
     """Distance of a change of sign along normals and axes, within a factor of two; `off` if there is none nearer."""
-    inside, found = _field(tape, places) <= 0, off
+    inside, distance = _field(tape, places) <= 0, off
     for k in range(_HALVINGS):
         size = off * 0.5**k
         for way in (normals, *np.eye(3)):
             for step in (size[:, None] * way, -size[:, None] * way):
-                found = np.where((_field(tape, places + step) <= 0) != inside, size, found)
-    return found
+                distance = np.where((_field(tape, places + step) <= 0) != inside, size, distance)
+    return distance
 
 
 def open_edges(triangles: Ints) -> int:
     """Edges that do not have one triangle on either side: 0 for a closed mesh."""
     sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     n = int(triangles.max(initial=0)) + 1
-    there, counts = np.unique(sides[:, 0] * n + sides[:, 1], return_counts=True)
+    forward, counts = np.unique(sides[:, 0] * n + sides[:, 1], return_counts=True)
     back = np.unique(sides[:, 1] * n + sides[:, 0])
-    return int((counts != 1).sum() + len(np.setdiff1d(there, back, assume_unique=True)))
+    return int((counts != 1).sum() + len(np.setdiff1d(forward, back, assume_unique=True)))

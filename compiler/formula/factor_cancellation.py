@@ -18,8 +18,8 @@ def divide(b: Graph, numerator: int, denominator: int) -> int:
     if denominator < 0:
         return b.op(Op.DIVIDE, numerator, denominator)
     above, below = _factors(b, numerator), _factors(b, denominator)
-    found: list[int] = []
-    _cancel(b, above, below, found)
+    extra: list[int] = []
+    _cancel(b, above, below, extra)
     for name in list(above):
         op, of, _ = b.row(name)
         if op == Op.SIN and above[name] > 0 and is_smooth(b, of):
@@ -29,11 +29,11 @@ def divide(b: Graph, numerator: int, denominator: int) -> int:
                 for part, count in angle.items():
                     if part >= 0:
                         below[part] -= count
-                found += [_sine_over_angle(b, of), _product(b, {part: count for part, count in angle.items() if part < 0})]
+                extra += [_sine_over_angle(b, of), _product(b, {part: count for part, count in angle.items() if part < 0})]
     if above == _factors(b, numerator) and below == _factors(b, denominator):
         return b.op(Op.DIVIDE, numerator, denominator)
     top = _product(b, above)
-    for name in found:
+    for name in extra:
         top = b.multiply(top, name)
     return b.op(Op.DIVIDE, top, _product(b, below))
 
@@ -49,20 +49,20 @@ def remainder(b: Graph, numerator: int, denominator: int) -> int:
     return b.multiply(_product(b, both), b.op(Op.MOD, _product(b, above), _product(b, below)))
 
 
-def _cancel(b: Graph, above: Factors, below: Factors, found: list[int]) -> None:
-    """Cancel common factors, in place; a value over its magnitude is its sign, which `found` takes."""
+def _cancel(b: Graph, above: Factors, below: Factors, signs: list[int]) -> None:
+    """Cancel common factors, in place; a value over its magnitude is its sign, which `signs` takes."""
     for name in list(below):
         if name >= 0 and is_smooth(b, name):
             both = min(above.get(name, 0), below[name])
             above[name], below[name] = above.get(name, 0) - both, below[name] - both
-    for one, other in ((above, below), (below, above)):
-        for name in list(one):
+    for these, those in ((above, below), (below, above)):
+        for name in list(these):
             op, of, _ = b.row(name)
             if op == Op.ABS and is_smooth(b, of):
-                both = min(one[name], other.get(of, 0))
+                both = min(these[name], those.get(of, 0))
                 if both:
-                    one[name], other[of] = one[name] - both, other[of] - both
-                    found += [b.op(Op.SIGN, of)] * (both % 2)
+                    these[name], those[of] = these[name] - both, those[of] - both
+                    signs += [b.op(Op.SIGN, of)] * (both % 2)
     for factors in (above, below):
         for name in [name for name, count in factors.items() if count == 0]:
             del factors[name]
@@ -70,30 +70,30 @@ def _cancel(b: Graph, above: Factors, below: Factors, found: list[int]) -> None:
 
 def _factors(b: Graph, name: int) -> Factors:
     """The factors of a value, constants among them."""
-    found: Factors = {}
+    factors: Factors = {}
     waiting = [(name, 1)]
     while waiting:
         name, count = waiting.pop()
-        op, one, other = b.row(name)
+        op, left, right = b.row(name)
         if op == Op.MULTIPLY:
-            waiting += [(other, count), (one, count)]
+            waiting += [(right, count), (left, count)]
         elif op == Op.SQUARE:
-            waiting.append((one, 2 * count))
+            waiting.append((left, 2 * count))
         elif op == Op.CUBE:
-            waiting.append((one, 3 * count))
+            waiting.append((left, 3 * count))
         elif op == Op.NEGATE:
-            waiting += [(one, count), (b.constant(-1.0), count)]
+            waiting += [(left, count), (b.constant(-1.0), count)]
         else:
-            found[name] = found.get(name, 0) + count
-    return found
+            factors[name] = factors.get(name, 0) + count
+    return factors
 
 
 def _product(b: Graph, factors: Factors) -> int:
-    made = b.constant(1.0)
+    product = b.constant(1.0)
     for name, count in factors.items():
         if count:
-            made = b.multiply(made, b.power(name, b.constant(float(count))))
-    return made
+            product = b.multiply(product, b.power(name, b.constant(float(count))))
+    return product
 
 
 def _sine_over_angle(b: Graph, angle: int) -> int:

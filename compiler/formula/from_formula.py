@@ -45,9 +45,9 @@ class Translator:
 
     def number(self, index: int) -> int:
         """The value of a node that is a number."""
-        found = self.values[index]
-        assert found is not None
-        return found
+        name = self.values[index]
+        assert name is not None
+        return name
 
     def _value(self, node: Node) -> int | None:
         b = self.builder
@@ -57,12 +57,13 @@ class Translator:
             if int(node.value) >= len(self.inputs):
                 raise NotASurface("a surface's formula has three parameters, x, y and z", "write |x, y, z| …")
             return self.inputs[int(node.value)]
-        given = [self.values[i] for i in node.args]
+        operands = [self.values[i] for i in node.args]
         if node.op == "select":
-            return None if None in given[1:] else b.op(Op.CHOOSE, self.field(node.args[0], exact=True), given[1], given[2])  # type: ignore[arg-type]
-        if any(name is None for name in given):
+            condition, branches = node.args[0], operands[1:]
+            return None if None in branches else b.op(Op.CHOOSE, self.field(condition, exact=True), *branches)  # type: ignore[arg-type]
+        if any(name is None for name in operands):
             return None
-        names: list[int] = given  # type: ignore[assignment]
+        names: list[int] = operands  # type: ignore[assignment]
         if node.op == "power":
             return b.power(*names)
         if node.op == "divide":
@@ -119,10 +120,10 @@ class Translator:
         b = self.builder
         left, right = (self.number(i) for i in node.args)
         strictly = relation in ("less", "greater")
-        found = b.less(left, right, strictly) if relation in ("less", "at_most") else b.less(right, left, strictly)
+        field = b.less(left, right, strictly) if relation in ("less", "at_most") else b.less(right, left, strictly)
         if not strictly or exact:
-            return found
-        interior = regularize.regularize(b, found)[0]  # a strict inequality does not hold on sheets
+            return field
+        interior = regularize.regularize(b, field)[0]  # a strict inequality does not hold on sheets
         return b.constant(1.0) if interior is None else interior
 
     def _equality(self, node: Node, equal: bool, exact: bool) -> int:

@@ -123,23 +123,23 @@ class Graph(ABC):
             return self.op(Op.SQRT, a)
         if exponent is None or exponent != int(exponent) or not abs(exponent) <= MOST_FACTORS or exponent == 0.0:
             return self.op(Op.POWER, a, b)
-        product, square, left = None, a, abs(int(exponent))
-        while left % 3 == 0:
-            square, left = self.op(Op.CUBE, square), left // 3
-        while left:
-            if left & 1:
+        product, square, remaining = None, a, abs(int(exponent))
+        while remaining % 3 == 0:
+            square, remaining = self.op(Op.CUBE, square), remaining // 3
+        while remaining:
+            if remaining & 1:
                 product = square if product is None else self.multiply(product, square)
-            left >>= 1
-            square = self.op(Op.SQUARE, square) if left else square
+            remaining >>= 1
+            square = self.op(Op.SQUARE, square) if remaining else square
         assert product is not None
         return product if exponent > 0 else self.op(Op.DIVIDE, self.constant(1.0), product)
 
     def reduce(self, op: Op, names: Sequence[int]) -> int:
         """MIN, MAX or HYPOT of any number of values."""
-        found = names[0]
+        total = names[0]
         for name in names[1:]:
-            found = self.op(op, found, name)
-        return self.op(Op.ABS, found) if op == Op.HYPOT and len(names) == 1 else found
+            total = self.op(op, total, name)
+        return self.op(Op.ABS, total) if op == Op.HYPOT and len(names) == 1 else total
 
     def linear(self, terms: Sequence[tuple[float, int]], offset: float = 0.0) -> int:
         """Σ factor · value + offset."""

@@ -16,9 +16,9 @@ NOWHERE: frozenset[float] = frozenset()
 MOST_VALUES = 16  # beyond it the set is None
 
 
-def union(one: Values, other: Values) -> Values:
+def union(first: Values, second: Values) -> Values:
     """The values of either set."""
-    return None if one is None or other is None or len(one | other) > MOST_VALUES else one | other
+    return None if first is None or second is None or len(first | second) > MOST_VALUES else first | second
 
 
 def constant_values(op: int, operands: Sequence[Values]) -> Values:
@@ -26,21 +26,21 @@ def constant_values(op: int, operands: Sequence[Values]) -> Values:
     if op in STEPS:
         return None
     if op in (Op.MIN, Op.MAX, Op.CHOOSE):
-        found: Values = NOWHERE
-        for one in operands:
-            found = union(found, one)
-        return found
-    if all(one is None or one for one in operands):
+        values: Values = NOWHERE
+        for operand in operands:
+            values = union(values, operand)
+        return values
+    if all(operand is None or operand for operand in operands):
         return _combinations(op, operands)
     factors = operands if op == Op.MULTIPLY else operands[:1] if op == Op.DIVIDE else ()  # 0 times anything is 0
-    if any(one is None for one in factors):
+    if any(operand is None for operand in factors):
         return None
-    return frozenset({0.0}) if any(one is not None and 0.0 in one for one in factors) else NOWHERE
+    return frozenset({0.0}) if any(operand is not None and 0.0 in operand for operand in factors) else NOWHERE
 
 
 def _combinations(op: int, operands: Sequence[Values]) -> Values:
-    known = [one for one in operands if one is not None]
-    if len(known) < len(operands) or math.prod(len(one) for one in known) > MOST_VALUES:
+    sets = [operand for operand in operands if operand is not None]
+    if len(sets) < len(operands) or math.prod(len(operand) for operand in sets) > MOST_VALUES:
         return None
-    found = (fold(Op(op), *numbers) for numbers in itertools.product(*known))
-    return frozenset(number + 0.0 for number in found if math.isfinite(number))
+    results = (fold(Op(op), *numbers) for numbers in itertools.product(*sets))
+    return frozenset(number + 0.0 for number in results if math.isfinite(number))

@@ -87,10 +87,10 @@ def _value(b: Builder, node: Node, edge: Callable[[int], int | None]) -> int | N
     if node.op is None:
         return edge(node.edge)
     values = [_value(b, part, edge) for part in node.parts]
-    known = [value for value in values if value is not None]
-    if node.op == Op.MIN and len(known) < len(values):
+    defined = [value for value in values if value is not None]
+    if node.op == Op.MIN and len(defined) < len(values):
         return None
-    return b.reduce(node.op, known) if known else None
+    return b.reduce(node.op, defined) if defined else None
 
 
 # --- swept ------------------------------------------------------------------------------------------------------------
@@ -106,26 +106,26 @@ def revolved(b: Builder, profile: F64, angle: float, point: Point) -> int:
             return None
         return b.linear([(float(normal[0]), radius), (float(normal[1]), y)], -offset)
 
-    found = field(b, _beyond_axis(profile, -far), edge)
-    assert found is not None  # a profile has edges away from the axis
+    outline = field(b, _beyond_axis(profile, -far), edge)
+    assert outline is not None  # a profile has edges away from the axis
     if angle >= 2 * np.pi:
-        return found
+        return outline
     begin, end = z, b.linear([(-float(np.sin(angle)), x), (-float(np.cos(angle)), z)])
-    return b.op(Op.MAX, found, b.op(Op.MAX if angle <= np.pi else Op.MIN, begin, end))
+    return b.op(Op.MAX, outline, b.op(Op.MAX if angle <= np.pi else Op.MIN, begin, end))
 
 
 def _beyond_axis(profile: F64, far: float) -> F64:
     """The polygon with each edge on the axis moved to radius `far` < 0, where it bounds nothing."""
-    made = []
-    for before, here, after in zip(np.roll(profile, 1, axis=0), profile, np.roll(profile, -1, axis=0), strict=True):
-        if here[0] == 0 and after[0] == 0 and before[0] == 0:
+    vertices = []
+    for before, vertex, after in zip(np.roll(profile, 1, axis=0), profile, np.roll(profile, -1, axis=0), strict=True):
+        if vertex[0] == 0 and after[0] == 0 and before[0] == 0:
             continue
-        if here[0] == 0 and before[0] == 0:
-            made.append((far, here[1]))
-        made.append((here[0], here[1]))
-        if here[0] == 0 and after[0] == 0:
-            made.append((far, here[1]))
-    return np.array(made)
+        if vertex[0] == 0 and before[0] == 0:
+            vertices.append((far, vertex[1]))
+        vertices.append((vertex[0], vertex[1]))
+        if vertex[0] == 0 and after[0] == 0:
+            vertices.append((far, vertex[1]))
+    return np.array(vertices)
 
 
 class Prism(NamedTuple):
@@ -154,5 +154,5 @@ def prism(b: Builder, shape: Prism, point: Point) -> int:
         return b.scale(b.linear([t for t in terms if t[0]], -offset + steep * shape.base), 1.0 / float(np.hypot(1.0, steep)))
 
     fields = [field(b, loop, edge) for loop in shape.loops]
-    known = [made for made in fields if made is not None]
-    return b.reduce(Op.MAX, [slab, known[0], *(b.op(Op.NEGATE, hole) for hole in known[1:])])
+    defined = [loop_field for loop_field in fields if loop_field is not None]
+    return b.reduce(Op.MAX, [slab, defined[0], *(b.op(Op.NEGATE, hole) for hole in defined[1:])])

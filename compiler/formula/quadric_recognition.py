@@ -39,29 +39,29 @@ def ellipsoid(tape: Tape) -> np.ndarray | None:
 
 def quadratic(tape: Tape) -> Quadratic | None:
     """The polynomial of a tape, of degree 2 at most; None for other functions."""
-    known: list[Quadratic | None] = []
+    values: list[Quadratic | None] = []
     for axis in range(INPUTS):
-        one = np.zeros((4, 4))
-        one[axis, 3] = one[3, axis] = 0.5
-        known.append(one)
+        coordinate = np.zeros((4, 4))
+        coordinate[axis, 3] = coordinate[3, axis] = 0.5
+        values.append(coordinate)
 
     def named(name: int) -> Quadratic | None:
         if name >= 0:
-            return known[name]
+            return values[name]
         constant = np.zeros((4, 4))
         constant[3, 3] = tape.constants[~name]
         return constant
 
     for op, *operands in tape.code.tolist():
-        known.append(_applied(Op(op), [named(name) for name in operands[: arity(op)]]))
-        if known[-1] is None and len(tape.results) == 1:
+        values.append(_applied(Op(op), [named(name) for name in operands[: arity(op)]]))
+        if values[-1] is None and len(tape.results) == 1:
             return None  # a tape has no unused rows
     return named(tape.results[0])
 
 
-def _applied(op: Op, given: list[Quadratic | None]) -> Quadratic | None:
-    a, b = given[0], given[-1]
-    if a is None or b is None or len(given) > 2:
+def _applied(op: Op, operands: list[Quadratic | None]) -> Quadratic | None:
+    a, b = operands[0], operands[-1]
+    if a is None or b is None or len(operands) > 2:
         return None
     match op:
         case Op.COPY:
@@ -91,5 +91,5 @@ def _product(a: Quadratic, b: Quadratic) -> Quadratic | None:
         return a * b[3, 3]
     if _bends(a) or _bends(b):
         return None
-    one, other = (np.append(2 * f[:3, 3], f[3, 3]) for f in (a, b))
-    return 0.5 * (np.outer(one, other) + np.outer(other, one))
+    first, second = (np.append(2 * f[:3, 3], f[3, 3]) for f in (a, b))
+    return 0.5 * (np.outer(first, second) + np.outer(second, first))

@@ -18,23 +18,23 @@ Regularized = tuple[int | None, bool]  # the field, None if it has no interior; 
 
 def regularize(b: Graph, field: int) -> Regularized:
     """A field that is at most 0 in the closure of the interior of the solid where `field` ≤ 0."""
-    known: dict[int, Regularized] = {}
+    done: dict[int, Regularized] = {}
     waiting = [field]
     while waiting:  # without recursion: fields may be deep; each value once
         name = waiting[-1]
-        op, one, other = b.row(name)
-        parts = [part for part in (one, other) if part not in known] if op in (Op.MIN, Op.MAX) else []
+        op, first, second = b.row(name)
+        parts = [part for part in (first, second) if part not in done] if op in (Op.MIN, Op.MAX) else []
         if parts:
             waiting += parts
             continue
         waiting.pop()
-        known[name] = _combine(b, op, name, known[one], known[other]) if op in (Op.MIN, Op.MAX) else _regularize_product(b, name)
-    return known[field]
+        done[name] = _combine(b, op, name, done[first], done[second]) if op in (Op.MIN, Op.MAX) else _regularize_product(b, name)
+    return done[field]
 
 
-def _combine(b: Graph, op: Op, field: int, one: Regularized, other: Regularized) -> Regularized:
+def _combine(b: Graph, op: Op, field: int, regular_a: Regularized, regular_b: Regularized) -> Regularized:
     """A minimum or maximum of two fields, by their regularized ones."""
-    (first, left_out), (second, left_out_too) = one, other
+    (first, left_out), (second, left_out_too) = regular_a, regular_b
     if first is None or second is None:
         remaining = None if op == Op.MAX else second if first is None else first
         return remaining, remaining is not None
@@ -47,20 +47,20 @@ def _regularize_product(b: Graph, field: int) -> Regularized:
     negative, waiting = False, [(field, 1)]
     while waiting:
         name, count = waiting.pop()
-        op, one, other = b.row(name)
+        op, operand, second = b.row(name)
         number = b.number(name)
         if number == 0.0:
             return field, False
         if op == Op.NEGATE or (number or 0.0) < 0.0:
             negative ^= count % 2 == 1
         if op == Op.MULTIPLY:
-            waiting += [(other, count), (one, count)]
-        elif op in (Op.SQUARE, Op.ABS) and is_smooth(b, one):
-            waiting.append((one, 2 * count))
+            waiting += [(second, count), (operand, count)]
+        elif op in (Op.SQUARE, Op.ABS) and is_smooth(b, operand):
+            waiting.append((operand, 2 * count))
         elif op == Op.CUBE:
-            waiting.append((one, 3 * count))
+            waiting.append((operand, 3 * count))
         elif op == Op.NEGATE:
-            waiting.append((one, count))
+            waiting.append((operand, count))
         elif number is None:
             powers[name] = powers.get(name, 0) + count
     if all(count == 1 for count in powers.values()):

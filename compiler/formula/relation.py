@@ -11,7 +11,7 @@ from .from_formula import NotASurface, Translator
 from .opcodes import Op
 from .tape import INPUTS, Tape, X, Y, Z
 
-EQUAL_OVER_A_REGION = "both sides of this `==` are equal all over a region: that is no surface", "write <= for the solid that it is"
+EQUAL_OVER_A_REGION = "both sides of this `==` are equal all over a region: that is not a surface", "write <= for the solid that it is"
 NO_INTERIOR = "this relation holds on a surface alone, which has no inside", "write how thick it is to be, like abs(y) <= 0.01"
 _NEVER_NEGATIVE = frozenset({Op.SQUARE, Op.ABS, Op.SQRT, Op.HYPOT})
 
@@ -42,32 +42,32 @@ def surface(formula: Formula, may_tie: bool = False) -> Surface:
     top = formula.nodes[formula.results[0]]
     translator = Translator(builder, formula, (X, Y, Z))
     if top.op == "equal" and not translator.compares_truths(top):
-        found = builder.subtract(*(translator.number(i) for i in top.args))
-        if builder.is_integer(found):
-            return Surface(builder.finish(builder.integer_is_zero(found)), False)
+        difference = builder.subtract(*(translator.number(i) for i in top.args))
+        if builder.is_integer(difference):
+            return Surface(builder.finish(builder.integer_is_zero(difference)), False)
         if may_tie:
             raise NotASurface(*EQUAL_OVER_A_REGION)
     else:
-        found = translator.field(formula.results[0])
+        difference = translator.field(formula.results[0])
         if may_tie:
-            return Surface(builder.finish(found), False)
-        if top.op not in ("at_most", "at_least") or not _is_never_negative(builder, found):
-            solid, left_out = regularize.regularize(builder, found)
+            return Surface(builder.finish(difference), False)
+        if top.op not in ("at_most", "at_least") or not _is_never_negative(builder, difference):
+            solid, left_out = regularize.regularize(builder, difference)
             if solid is None:
                 raise NotASurface(*NO_INTERIOR)
             return Surface(builder.finish(solid), False, left_out)
-    return Surface(_sheet(builder, found), True)
+    return Surface(_sheet(builder, difference), True)
 
 
-def _sheet(builder: Builder, found: int) -> Tape:
-    found = _change_sign(builder, found)
-    values = builder.constant_values(found)
+def _sheet(builder: Builder, field: int) -> Tape:
+    field = _change_sign(builder, field)
+    values = builder.constant_values(field)
     if values is not None and 0.0 in values:
         raise NotASurface(*EQUAL_OVER_A_REGION)
-    if builder.row(found)[0] == Op.MOD:
+    if builder.row(field)[0] == Op.MOD:
         hint = "half a period on it passes through what it is compared with: mod(a + b / 2, b) == b / 2"
         raise NotASurface("a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere", hint)
-    return builder.finish(found)
+    return builder.finish(field)
 
 
 def _is_never_negative(builder: Builder, name: int) -> bool:
@@ -82,14 +82,14 @@ def _is_never_negative(builder: Builder, name: int) -> bool:
     return True
 
 
-def _change_sign(builder: Builder, found: int) -> int:
+def _change_sign(builder: Builder, field: int) -> int:
     """A field with the same zeros that changes its sign there.
 
     Factors replace their squares and magnitudes. A minimum of values that are never negative is 0 where their product is; a root is 0
     where its operand is.
     """
     factors: dict[int, None] = {}
-    waiting = [found]
+    waiting = [field]
     while waiting:
         name = waiting.pop()
         op, a, b, _ = builder.rows[name - INPUTS] if name >= INPUTS else (Op.COPY, 0, 0, 0)
@@ -97,11 +97,11 @@ def _change_sign(builder: Builder, found: int) -> int:
             waiting.append(a)
         elif op == Op.MULTIPLY or (op == Op.MIN and all(builder.row(part)[0] in _NEVER_NEGATIVE for part in (a, b))):
             waiting += [b, a]
-        elif op == Op.SQRT and name == found:
+        elif op == Op.SQRT and name == field:
             waiting.append(a)
         elif builder.number(name) in (None, 0.0):
             factors[name] = None
-    first, *others = factors or {found: None}
+    first, *others = factors or {field: None}
     for other in others:
         first = builder.multiply(first, other)
     return first

@@ -43,21 +43,21 @@ def sign_of_zero(b: Graph, name: int) -> int:
     """
     if name < INPUTS or not b.may_be_zero(name):
         return 0
-    op, one, other = b.row(name)
+    op, operand, other = b.row(name)
     if op in (Op.ABS, Op.SQUARE):
         return 1
     if op == Op.CUBE:
-        return sign_of_zero(b, one)
+        return sign_of_zero(b, operand)
     if op in (Op.MIN, Op.MAX):
-        return 1 if 0.0 in (b.number(one), b.number(other)) else 0
+        return 1 if 0.0 in (b.number(operand), b.number(other)) else 0
     if op == Op.NEGATE:
-        return -sign_of_zero(b, one)
+        return -sign_of_zero(b, operand)
     if op in (Op.FLOOR, Op.CEIL, Op.SIGN):
         sign = -1 if op == Op.CEIL else 1
-        return sign if not b.may_be_zero(one) or sign_of_zero(b, one) == sign else 0
+        return sign if not b.may_be_zero(operand) or sign_of_zero(b, operand) == sign else 0
     if op in (Op.ADD, Op.SUBTRACT):  # −0 only from two of them; numbers that cancel leave +0
         second = 1 if op == Op.ADD else -1
-        return 1 if any(not b.may_be_zero(x) or sign_of_zero(b, x) == sign for x, sign in ((one, 1), (other, second))) else 0
+        return 1 if any(not b.may_be_zero(x) or sign_of_zero(b, x) == sign for x, sign in ((operand, 1), (other, second))) else 0
     return 0
 
 
@@ -80,22 +80,22 @@ def _integer_threshold(b: Graph, field: int, strictly: bool) -> int | None:
     steps: list[tuple[Op, float, bool]] = []  # operation, its constant, whether that is the first operand
     name = field
     while not b.is_integer(name):
-        op, one, other = b.row(name)
+        op, first, second = b.row(name)
         if op == Op.NEGATE:
             steps.append((Op.MULTIPLY, -1.0, False))
-        elif op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY) and (one < 0) != (other < 0):
-            steps.append((op, b.constants[~min(one, other)], one < 0))
-            one = max(one, other)
-        elif op == Op.DIVIDE and other < 0:
-            steps.append((op, b.constants[~other], False))
+        elif op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY) and (first < 0) != (second < 0):
+            steps.append((op, b.constants[~min(first, second)], first < 0))
+            first = max(first, second)
+        elif op == Op.DIVIDE and second < 0:
+            steps.append((op, b.constants[~second], False))
         else:
             return None
-        name = one
+        name = first
 
     def holds(number: int) -> bool:
         value = float(number)
-        for op, constant, first in reversed(steps):
-            value = fold(op, *((constant, value) if first else (value, constant)))
+        for op, constant, constant_first in reversed(steps):
+            value = fold(op, *((constant, value) if constant_first else (value, constant)))
         return value < 0.0 if strictly else value <= 0.0
 
     low, high = -LARGEST_INTEGER, LARGEST_INTEGER
@@ -117,11 +117,11 @@ def _terms(b: Graph, field: int) -> tuple[list[int], float]:
         if name < 0:
             offset += abs(b.constants[~name])
             continue
-        op, one, other = b.row(name)
+        op, first, second = b.row(name)
         if op in (Op.ADD, Op.SUBTRACT):
-            waiting += [one, other]
+            waiting += [first, second]
         elif op == Op.NEGATE:
-            waiting.append(one)
+            waiting.append(first)
         else:
             terms.append(name)
     return terms, offset

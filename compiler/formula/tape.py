@@ -70,15 +70,15 @@ def _is_periodic(tape: Tape, angle: int) -> bool:
                 return False
             continue
         if op in (Op.NEGATE, Op.COPY):
-            found = -share[used[0]] if op == Op.NEGATE else share[used[0]]
+            slope = -share[used[0]] if op == Op.NEGATE else share[used[0]]
         elif op in (Op.ADD, Op.SUBTRACT):
-            found = share.get(used[0], 0.0) + share.get(used[1], 0.0) * (1.0 if op == Op.ADD else -1.0)
+            slope = share.get(used[0], 0.0) + share.get(used[1], 0.0) * (1.0 if op == Op.ADD else -1.0)
         elif op == Op.MULTIPLY and (numbers[0] is not None or numbers[1] is not None):
             constant_first = numbers[0] is not None
-            found = share[used[1] if constant_first else used[0]] * float((numbers[0] if constant_first else numbers[1]) or 0.0)
+            slope = share[used[1] if constant_first else used[0]] * float((numbers[0] if constant_first else numbers[1]) or 0.0)
         elif op == Op.DIVIDE and numbers[1]:
-            found = share[used[0]] / numbers[1]
+            slope = share[used[0]] / numbers[1]
         else:
             return False
-        share[INPUTS + i] = found
+        share[INPUTS + i] = slope
     return not any(name in share for name in tape.results)

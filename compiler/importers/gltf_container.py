@@ -72,7 +72,7 @@ class Container:
         try:
             return read_bytes(file_names.find(unquote(uri), self.folder, self.files, what))
         except FileError:
-            if unquote(uri) == uri or (path := file_names.found(uri, self.folder)) is None:
+            if unquote(uri) == uri or (path := file_names.existing_path(uri, self.folder)) is None:
                 raise
             return read_bytes(self.files.find(path.name, path.parent, what))  # its name holds the code of a character
 
@@ -162,7 +162,7 @@ def open_container(data: bytes, folder: Path | None, files: Files) -> Container:
         return Container(_tidy(document, warnings), binary, folder, files, warnings=warnings)
     data = text_encoding.as_utf8(data)
     if data.lstrip()[:1] != b"{":
-        raise GltfError("this is no glTF file: it begins neither with `glTF` nor with `{`")
+        raise GltfError("this is not a glTF file: it begins neither with `glTF` nor with `{`")
     return Container(_tidy(_document(data, warnings), warnings), b"", folder, files, warnings=warnings)
 
 
@@ -200,15 +200,15 @@ def _tidy(document: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
     for table in _TABLES:
         rows = document.get(table, [])
         if not isinstance(rows, list):
-            warnings.append(f"`{table}` is no list: it is left out")
+            warnings.append(f"`{table}` is not a list: it is left out")
             document[table] = rows = []
         for k, row in enumerate(rows):
             if not isinstance(row, dict):
-                warnings.append(f"`{table}[{k}]` is no object: it is left out")
+                warnings.append(f"`{table}[{k}]` is not an object: it is left out")
                 rows[k] = row = {}
             for key in _CHILDREN.get(table, ()):
                 if not isinstance(row.get(key, []), list):
-                    warnings.append(f"`{table}[{k}].{key}` is no list: it is left out")
+                    warnings.append(f"`{table}[{k}].{key}` is not a list: it is left out")
                     row[key] = []
         if table in document:
             document[table] = Rows(rows)
@@ -219,7 +219,7 @@ def _tidy(document: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
             extensions = value.get("extensions", {})
             named = extensions.items() if isinstance(extensions, dict) else [("extensions", extensions)]
             for name in [name for name, value in named if not isinstance(value, dict)]:
-                warnings.append(f"`{name[:40]}` is no object: it is left out")
+                warnings.append(f"`{name[:40]}` is not an object: it is left out")
                 if isinstance(extensions, dict):
                     del extensions[name]
                 else:

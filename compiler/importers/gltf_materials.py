@@ -26,7 +26,7 @@ _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
 _COLORS = ("baseColorTexture", "diffuseTexture")
-_EVEN, _SMOOTH = 0.1, 0.1  # difference of a colour's components that is no tint; roughness that is none
+_EVEN, _SMOOTH = 0.1, 0.1  # difference of a colour's components that is not a tint; roughness that is none
 _SCATTER = "KHR_materials_volume_scatter"
 _MOST_ANISOTROPY = 0.99
 _GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
@@ -210,7 +210,7 @@ class Materials:
         return (1 + root) / (1 - root)
 
     def _specular(self, extensions: dict[str, Any]) -> Input:
-        """The reflectance along the normal of KHR_materials_specular on a surface that is no metal."""
+        """The reflectance along the normal of KHR_materials_specular on a surface that is not a metal."""
         ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
         specular = extensions["KHR_materials_specular"]
         share = ((ior - 1) / (ior + 1)) ** 2 * float(specular.get("specularFactor", 1.0))

@@ -21,7 +21,7 @@ EXTENSIONS = Table(
         "ADOBE_materials_thin_transparency": "as KHR_materials_transmission, which precedes it",
         "KHR_materials_unlit": "the colour as emission",
         "KHR_materials_diffuse_transmission": "beside a highlight, which is weaker by the share that passes",
-        "KHR_materials_specular": "factors and pictures of surfaces that are no metals; of others the mean of the factors",
+        "KHR_materials_specular": "factors and pictures of surfaces that are not metals; of others the mean of the factors",
         "KHR_materials_volume": "absorption of glass, as a solid",
         "KHR_materials_volume_scatter": "the medium inside of glass, or of what light enters by KHR_materials_diffuse_transmission",
         "KHR_materials_pbrSpecularGlossiness": "",

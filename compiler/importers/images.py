@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 MAX_TEXELS = 1 << 26  # of one image: 8192 × 8192, 1 GiB
 MAX_ALL_TEXELS = 1 << 27  # of all images of a scene
 LARGEST = float(np.finfo(np.float32).max)
-SPACES = ("auto", "srgb", "linear")
 _BAND = 1 << 14  # pixels that are converted together
 
 

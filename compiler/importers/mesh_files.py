@@ -28,7 +28,7 @@ def read(
     file_span, reader = Span(name), file_types.reader_of(name)
     if reader is None or not reader.module:
         hint = foreign_formats.placed_by(name) or f"known are {', '.join(file_types.MESH)}, and USD"
-        diagnostics.error(f"`{name}` is no mesh file that is known", span or file_span, hint)
+        diagnostics.error(f"`{name}` is not a mesh file of a known format", span or file_span, hint)
         return []
     folder = source.parent if isinstance(source, Path) else None
     try:

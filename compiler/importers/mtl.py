@@ -131,9 +131,7 @@ def _line(material: MtlMaterial, keyword: str, rest: str, span: Span) -> str:
         return f"`{keyword}`: {problem}" if problem else ""
     elif mesh_tables.MTL.find(keyword) is None:
         return f"MTL has no keyword `{keyword[:40]}`: the line is left out"
-    else:
-        return mesh_tables.MTL.report(f"`{keyword}`", keyword)
-    return ""
+    return mesh_tables.MTL.report(f"`{keyword}`", keyword)
 
 
 def _number(text: str) -> float | None:
@@ -207,7 +205,7 @@ def row(material: MtlMaterial, builder: SceneBuilder, files: Files, diagnostics:
 
 
 def _tell_filter(m: MtlMaterial, data: MaterialData, diagnostics: Diagnostics) -> None:
-    """Messages on a coloured `Tf` of a see-through surface that is no glass."""
+    """Messages on a coloured `Tf` of a see-through surface that is not glass."""
     r, g, b = m.colors.get("Tf", WHITE)
     if m.opacity == 1.0 or data.model == ir.MaterialModel.GLASS or (r, g, b) == WHITE:
         return

@@ -71,7 +71,7 @@ def _read(lines: obj_lexer.Lines, file: str, problems: _Problems) -> ObjMesh | N
         problems.add("warning", "malformed", line, f"malformed line: {message}")
 
     if not np.isin(lines.keys, (0, 3)).any():
-        problems.diagnostics.error("this is no OBJ file: it has neither vertices nor faces", Span(file))
+        problems.diagnostics.error("this is not an OBJ file: it has neither vertices nor faces", Span(file))
         return None
     def warn(message: str) -> None:
         problems.diagnostics.warning(message, Span(file))

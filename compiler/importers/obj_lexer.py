@@ -222,7 +222,7 @@ def _faces_by_line(lines: Lines, rows: I64, complain: Complain) -> Faces:
             corner = [_index(part, empty=k > 0) for k, part in enumerate(word.split(b"/"))]
             if len(corner) > 3 or BAD in corner:
                 shown = word[:40].decode(errors="replace")
-                complain(int(lines.numbers[row]), f"`{shown}` is no corner of a face: v, v/vt, v//vn or v/vt/vn, whole numbers")
+                complain(int(lines.numbers[row]), f"`{shown}` is not a corner of a face: v, v/vt, v//vn or v/vt/vn, whole numbers")
                 corner = [BAD]
             corners.append(corner[:3] + [NONE] * (3 - len(corner)))
     return Faces(rows, counts, np.array(corners, dtype=np.int64).reshape(-1, 3))

@@ -35,7 +35,7 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
     rows = [words for line in numbers.text.decode().splitlines() if (words := line.split())]
     kind = _KEYWORD.match(rows[0][0]) if rows else None
     if kind is None:
-        raise OffError("this is no OFF file: it does not begin with `OFF`")
+        raise OffError("this is not an OFF file: it does not begin with `OFF`")
     if kind[4] or kind[5] or rows[0][1:2] == ["BINARY"]:
         raise OffError("OFF files in binary or of another dimension than 3 are not read")
     rows[0] = rows[0][1:]

@@ -205,7 +205,7 @@ def _parted(data: bytes) -> tuple[list[str], bytes]:
     data = (text_encoding.as_utf8(data) if text_encoding.is_wide(data) else data.removeprefix(codecs.BOM_UTF8)).lstrip()
     end = _END.search(data, 0, MAX_HEADER)
     if not _BEGIN.match(data):
-        raise PlyError("this is no PLY file: it does not begin with a PLY header")
+        raise PlyError("this is not a PLY file: it does not begin with a PLY header")
     if end is None:
         raise PlyError(f"the PLY file has no line `end_header` in its first {MAX_HEADER:,} bytes")
     start = end.end()

@@ -30,7 +30,7 @@ class StageOptions:
     size: tuple[int, int] | None = None  # pixels of the picture, for `conform`
     as_asset: bool = False  # a sharp picture with a sun and a sky as default lights; without main_cam, from three quarters
 
-    def given(self) -> list[str]:
+    def option_names(self) -> list[str]:
         """Names on the command line of the options that are not at their default, without --variant and --size."""
         plain = StageOptions()
         skipped = ("variants", "size", "as_asset")
@@ -40,7 +40,7 @@ class StageOptions:
     def words(self) -> list[str]:
         """The options as words of a command line, without --size."""
         arguments = [word for where, choice in self.variants.items() for word in ("--variant", f"{where}={choice}")]
-        for option in self.given():
+        for option in self.option_names():
             value = getattr(self, {"no-default-light": "default_light"}.get(option, option.replace("-", "_")))
             text = ",".join(value) if isinstance(value, tuple) else next((n for n, k in COMPLEXITIES.items() if k == value), str(value))
             arguments += [f"--{option}"] if option in ("no-default-light", "cull-backfaces") else [f"--{option}", text]

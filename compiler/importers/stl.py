@@ -85,7 +85,7 @@ def _colors(header: bytes, attribute: np.ndarray, diagnostics: Diagnostics, span
     if has_color.any():
         return np.where(has_color[:, None], linear(np.stack([high, middle, low], axis=1)), 1.0)
     if attribute.any():
-        diagnostics.warning("the attribute bytes of the triangles are no colours: they are left out", span)
+        diagnostics.warning("the attribute bytes of the triangles are not colours: they are left out", span)
     return None
 
 
@@ -129,7 +129,7 @@ def _ascii(data: bytes, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarra
     A facet without three vertices is left out, with a warning.
     """
     if not _begins_as_text(data):
-        raise StlError("this is no STL file: it is neither binary nor does it begin with `solid`")
+        raise StlError("this is not an STL file: it is neither binary nor does it begin with `solid`")
     numbers = number_text.plain(_NAME.sub(lambda name: re.sub(rb"[^\r\n]", b" ", name[0]), data.lower()))
     text = numbers.text
     if numbers.warning:

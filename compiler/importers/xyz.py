@@ -39,12 +39,12 @@ def read(data: bytes, diagnostics: Diagnostics, span: Span) -> PolyMesh:
         except ValueError:
             wrong += 1
     if wrong:
-        diagnostics.warning(f"{wrong:,} of {len(rows):,} lines are no numbers: they are left out", span)
+        diagnostics.warning(f"{wrong:,} of {len(rows):,} lines are not numbers: they are left out", span)
     table = table[np.isfinite(table[:, :3]).any(axis=1)]
     tints = table[:, 3:6] if width >= 6 else table[:, :0]
     colored = tints.shape[1] == 3 and len(tints) and bool(((tints >= 0) & (tints <= _FROM)).all() and (tints > 1).any())
     if width > 3 and not colored:
-        diagnostics.warning(f"the columns after x, y and z are not drawn: {width - 3} a line are no colours from 0 to 255", span)
+        diagnostics.warning(f"the columns after x, y and z are not drawn: {width - 3} a line are not colours from 0 to 255", span)
     mesh = point_clouds.mesh(table[:, :3], linear(tints / _FROM) if colored else None, diagnostics, span)
     if mesh is None:
         raise PointListError("the .xyz file has no points")

@@ -36,15 +36,7 @@ _SYSTEM = (  # libraries, and what they read when they start
 _OWN = ("auxv", "cgroup", "maps", "mountinfo", "mounts", "smaps", "stat", "statm", "status")  # of /proc/self
 _ENDING = 2.0  # seconds that threads may take to end
 _KERNELS = ("*.kernel",)  # of the cache; its other files are of other scenes, or hold the secrets of live windows
-
-
-_confined = False
 _kept: list[int] = []  # descriptors of /proc/self: its rules end with them
-
-
-def is_confined() -> bool:
-    """Whether `confine` was called."""
-    return _confined
 
 
 def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = None) -> None:
@@ -54,7 +46,6 @@ def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = No
     first of which also holds temporary files. No part of these paths may be a link; those that are missing are left out. `memory`: bytes,
     by default MEMORY. The cache of kernels cannot be written: code that a hostile file has put into it would run in later processes.
     """
-    global _confined
     if fcntl is None or resource is None:
         raise OSError("this system has no limits of processes")
     if why := seccomp.missing():
@@ -78,7 +69,6 @@ def confine(read: Iterable[Path], write: Iterable[Path], memory: int | None = No
         least = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(limit, (least, least))
     seccomp.restrict()
-    _confined = True
 
 
 def _has_threads() -> bool:

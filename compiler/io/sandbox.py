@@ -88,10 +88,6 @@ class Files:
             raise FileError(f"cannot read `{name}`: {failure.strerror}") from None
         return path, decode(data, name)
 
-    def allows(self, path: Path | str) -> bool:
-        """Whether a file may be read after resolution of symbolic links."""
-        return self.outside(str(path), path) is None
-
     def outside(self, name: str, path: Path | str) -> tuple[str, str] | None:
         """Why a file, which messages call `name`, may not be read, and what to do; None for one that may, there or not.
 
@@ -99,7 +95,7 @@ class Files:
         """
         try:
             target = Path(path).resolve()
-        except UnicodeEncodeError:  # the encoding of file names lacks a character: told with its fix, for all commands
+        except UnicodeEncodeError:  # the encoding of file names lacks a character: one message with its fix, for all commands
             raise
         except (OSError, ValueError, RuntimeError):
             return f"`{name}` leads round in a circle of links", ""

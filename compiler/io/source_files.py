@@ -44,8 +44,8 @@ class SceneReader:
         name = path.removesuffix(".scene")
         file = LIBRARY / f"{name.removeprefix('std/')}.scene"
         if file.parent != LIBRARY or not file.is_file():
-            there = sorted(f"std/{p.stem}" for p in LIBRARY.glob("*.scene"))
-            raise ReadError(f"the library has no `{name}`", suggest(name, there) or f"it has {', '.join(there)}")
+            names = sorted(f"std/{p.stem}" for p in LIBRARY.glob("*.scene"))
+            raise ReadError(f"the library has no `{name}`", suggest(name, names) or f"it has {', '.join(names)}")
         self._folders[name] = LIBRARY
         return Source(name, read_text(file), name)
 

@@ -58,7 +58,7 @@ class StageCache:
         self._kept[key] = result
         return result
 
-    def known(self, array: np.ndarray) -> bytes | None:
+    def kept_digest(self, array: np.ndarray) -> bytes | None:
         """The digest of an array of a result."""
         entry = self._digests.get(id(array))
         return entry[1] if entry is not None and entry[0] is array else None
@@ -103,7 +103,7 @@ def digest(*inputs: Any) -> bytes:
 def _add(hashed: Any, value: Any) -> None:
     if isinstance(value, np.ndarray):
         cache = _current.get()
-        hashed.update((cache.known(value) if cache is not None else None) or _hash(value))
+        hashed.update((cache.kept_digest(value) if cache is not None else None) or _hash(value))
     elif isinstance(value, bytes):
         hashed.update(b"b%d:" % len(value))
         hashed.update(value)

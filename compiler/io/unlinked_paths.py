@@ -13,7 +13,7 @@ class LinkError(OSError):
 
 
 def open_path(path: Path | str) -> int:
-    """A descriptor (O_PATH) of a file or folder. Each part of the path is opened in the folder before it, and is no link.
+    """A descriptor (O_PATH) of a file or folder. Each part of the path is opened in the folder before it, and is not a link.
 
     Raises LinkError for a link, and OSError for what is missing.
     """

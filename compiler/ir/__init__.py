@@ -10,6 +10,7 @@ from .columns import (
     column_type,
     empty_tables,
     is_in,
+    mesh_arrays,
     table_of,
 )
 from .kinds import (
@@ -110,5 +111,6 @@ __all__ = [
     "column_type",
     "empty_tables",
     "is_in",
+    "mesh_arrays",
     "table_of",
 ]

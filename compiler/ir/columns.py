@@ -89,6 +89,14 @@ def column_type(table: str, column: str) -> tuple[np.dtype[Any], tuple[int, ...]
     return np.dtype(kind), _SHAPE.get((table, column), ())
 
 
+def mesh_arrays(tables: Tables, g: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3), before `origin`, and triangles (m, 3), numbered from 0, of a MESH geometry."""
+    geometries, pools = tables.geometries, tables.pools
+    vertex, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
+    first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
+    return pools.positions[vertex : vertex + vertices], pools.triangles[first : first + count] - np.int32(vertex)
+
+
 def table_of(table: str, columns: Mapping[str, Any]) -> Any:
     """A table from lists or arrays by column name: typed, contiguous, read-only."""
     return _fill(table, columns) if columns else _empty(table)

@@ -86,7 +86,7 @@ class Spans:
     sources: tuple[str, ...] = ()
     rows: Mapping[str, I32] = field(default_factory=dict)  # table -> (n, 5)
 
-    def at(self, table: str, row: int) -> Span | None:
+    def get(self, table: str, row: int) -> Span | None:
         """The source position of a row; None if unknown."""
         rows = self.rows.get(table)
         if rows is None or not 0 <= row < len(rows):

@@ -99,8 +99,8 @@ def settings(lowering: Context, render: Element | None, cameras: tuple[Element, 
         width, height = args["size"]
         lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {MAX_SIDE} each way")
     same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background")
-    given = {name: args[name] for name in same}
-    return ir.Settings(**given, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view, white=white)
+    values = {name: args[name] for name in same}
+    return ir.Settings(**values, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view, white=white)
 
 
 def _crop(lowering: Context, render: Element) -> tuple[int, int, int, int] | None:

@@ -180,9 +180,9 @@ class Lowering:
             lights.light(self, element, matrix(block))
 
     def _meter(self, element: Element, block: Frame, path: str) -> None:
-        made = meters.meter(self, element, matrix(block), path)
-        if made is not None:
-            self.meters.append(made)
+        meter = meters.meter(self, element, matrix(block), path)
+        if meter is not None:
+            self.meters.append(meter)
 
     def _shape(self, element: Element, frame: Frame, material: Element | None, medium: Element | None, path: str) -> None:
         args = element.args

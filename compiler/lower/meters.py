@@ -37,16 +37,16 @@ def meter(lowering: Context, element: Element, block: np.ndarray, path: str) -> 
         lowering.refuse(element, "the block around this meter flattens it to nothing", "a scale must not be 0")
         return None
     frame, scale, even = rigid(block @ frame)
-    given = args["size"]
-    if given is None:
+    sides = args["size"]
+    if sides is None:
         if args["grid"] is not None:
             lowering.refuse(element, "a meter at a point has no grid", "give it a size: [2, 1]")
             return None
         return ir.Meter(name, _rows(frame), place=element.place)
     if not even:
-        lowering.refuse(element, "the block around it skews this meter: it is no rectangle", "use an even scale, or turn the meter")
+        lowering.refuse(element, "the block around it skews this meter: it is not a rectangle", "use an even scale, or turn the meter")
         return None
-    size = (given[0] * float(scale[0]), given[1] * float(scale[2]))
+    size = (sides[0] * float(scale[0]), sides[1] * float(scale[2]))
     cells = args["grid"] or standard_grid(size)
     if max(cells) > MOST_CELLS:
         lowering.refuse(element, f"a grid of {cells[0]} by {cells[1]} cells is too fine", f"at most {MOST_CELLS} each way")

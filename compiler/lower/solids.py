@@ -288,7 +288,7 @@ def _triangles(lowering: Context, element: Element, body: Body, beside: list[Bod
         deviation = None if lowering.tolerance is None else tolerance
         return mesh_csg.of_field(builder.finish(field), np.stack([bounds[0] - margin, bounds[1] + margin]), deviation)
     except NoSolid as reason:
-        lowering.error(element, f"a part of this {element.kind} is no solid: {reason}")
+        lowering.error(element, f"a part of this {element.kind} is not a solid: {reason}")
         raise Refused from None
 
 

@@ -121,25 +121,25 @@ def of_triangles(positions: np.ndarray, faces: np.ndarray) -> Manifold:
     return manifold
 
 
-def simplify(tape: Tape, made: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
+def simplify(tape: Tape, surface: dual_contouring.Contour, tolerance: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Simplifies a contour: (positions, triangles, deviation) with as few triangles as `tolerance` allows.
 
     Flat regions get large triangles. A contour without volume stays unchanged. A contour that already deviates by more than `tolerance`
     keeps its deviation.
     """
-    left, limit = max(tolerance - made.furthest, 0.5 * tolerance), max(tolerance, made.furthest)
+    allowance, limit = max(tolerance - surface.furthest, 0.5 * tolerance), max(tolerance, surface.furthest)
     try:
-        manifold = of_triangles(made.positions, made.triangles) if tolerance > 0.0 and len(made.triangles) else None
+        manifold = of_triangles(surface.positions, surface.triangles) if tolerance > 0.0 and len(surface.triangles) else None
     except NoSolid:
         manifold = None
-    while manifold is not None and left > tolerance / 32:
-        mesh = manifold.simplify(left).to_mesh64()
+    while manifold is not None and allowance > tolerance / 32:
+        mesh = manifold.simplify(allowance).to_mesh64()
         positions, faces = np.asarray(mesh.vert_properties)[:, :3].copy(), np.asarray(mesh.tri_verts).astype(np.int64)
         furthest, _ = dual_contouring.deviation(tape, positions, faces)
         if furthest <= limit and dual_contouring.open_edges(faces) == 0:
             return positions, faces, furthest
-        left /= 2
-    return made.positions, made.triangles, made.furthest
+        allowance /= 2
+    return surface.positions, surface.triangles, surface.furthest
 
 
 def triangulate(loops: Sequence[np.ndarray]) -> np.ndarray:
@@ -150,12 +150,12 @@ def triangulate(loops: Sequence[np.ndarray]) -> np.ndarray:
     import manifold3d
 
     starts = np.cumsum([0, *map(len, loops)])
-    made = []
+    parts = []
     for group in _separated(loops):
         triangles = np.asarray(manifold3d.triangulate([np.ascontiguousarray(loops[k], np.float64) for k in group])).astype(np.int64)
         rows = np.concatenate([np.arange(starts[k], starts[k + 1]) for k in group])
-        made.append(rows[triangles.reshape(-1, 3)])
-    return np.concatenate(made)
+        parts.append(rows[triangles.reshape(-1, 3)])
+    return np.concatenate(parts)
 
 
 def union_of_outlines(contours: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -164,12 +164,12 @@ def union_of_outlines(contours: Sequence[np.ndarray]) -> list[np.ndarray]:
 
     if not contours:
         return []
-    made: list[np.ndarray] = []
+    polygons: list[np.ndarray] = []
     for group in _separated(contours):
         loops = [np.ascontiguousarray(contours[k], np.float64) for k in group]
         area = manifold3d.CrossSection(loops, manifold3d.FillRule.NonZero)
-        made += [np.asarray(loop) for loop in area.to_polygons()]
-    return made
+        polygons += [np.asarray(loop) for loop in area.to_polygons()]
+    return polygons
 
 
 def _separated(loops: Sequence[np.ndarray]) -> list[list[int]]:
@@ -177,17 +177,17 @@ def _separated(loops: Sequence[np.ndarray]) -> list[list[int]]:
     if len(loops) <= FEW_LOOPS:
         return [list(range(len(loops)))]
     low, high = (np.array([getattr(loop, end)(axis=0) for loop in loops]) for end in ("min", "max"))
-    found: list[list[int]] = []
+    groups: list[list[int]] = []
     waiting = [(np.arange(len(loops)), 0, 0)]
     while waiting:
         rows, axis, tries = waiting.pop()
         if tries == 2 or len(rows) == 1:
-            found.append(sorted(rows.tolist()))
+            groups.append(sorted(rows.tolist()))
             continue
         rows = rows[np.argsort(low[rows, axis], kind="stable")]
         gaps = np.flatnonzero(low[rows[1:], axis] > np.maximum.accumulate(high[rows, axis])[:-1]) + 1
         waiting += [(part, 1 - axis, 0 if len(gaps) else tries + 1) for part in np.split(rows, gaps)]
-    return sorted(found)
+    return sorted(groups)
 
 
 def combine(kind: str, parts: Sequence[Solid]) -> Solid:

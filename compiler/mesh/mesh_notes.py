@@ -6,6 +6,7 @@ import numpy as np
 
 from ...lang import file_types
 from ...lang.diagnostics import Diagnostic, Span
+from ...lang.plain_values import counted
 from .. import ir
 from ..ir import F64, I64
 from .topology import Topology, merged, moments, topology
@@ -22,14 +23,14 @@ def notes(scene: ir.Scene) -> list[Diagnostic]:
     files: dict[str, dict[str, list[int]]] = {}
     count = 0
     for g in np.flatnonzero(geometries.kind == ir.GeometryKind.MESH).tolist():
-        span = scene.spans.at("geometries", g)
+        span = scene.spans.get("geometries", g)
         reader = file_types.reader_of(span.file) if span is not None else None
         if span is not None and reader is not None and reader.kind == "mesh":
             one_frame = bool(reader.unit)
             files.setdefault(span.file, {}).setdefault("" if one_frame or g >= len(names) else names[g], []).append(g)
             count += int(geometries.triangle_count[g])
     if count > MOST_TRIANGLES:
-        message = f"meshes of files have {count:,} triangles: whether they are closed is told of {MOST_TRIANGLES:,} at most"
+        message = f"meshes of files have {count:,} triangles: closedness is checked for {MOST_TRIANGLES:,} at most"
         return [Diagnostic("note", message)]
     return [note for file, meshes in files.items() for note in _of_file(scene.tables, file, list(meshes.values()))]
 
@@ -39,31 +40,25 @@ def _of_file(tables: ir.Tables, file: str, rows: list[list[int]]) -> list[Diagno
     edges = [topology(*mesh) for mesh in meshes]
     span, total = Span(file), sum(each.triangles for each in edges)
     volumes = [float(moments(*mesh).volume) for mesh, each in zip(meshes, edges, strict=True) if each.closed]
-    found = [Diagnostic("note", f"{_counted(total, 'triangle')}{_of(len(rows))}: {_words(edges)}", span)]
+    notes = [Diagnostic("note", f"{counted(total, 'triangle')}{_of(len(rows))}: {_words(edges)}", span)]
     against = sum(each.watertight and not each.wound for each in edges)
     inwards = sum(volume < 0.0 for volume in volumes)
     for wrong, what in ((against, "faces that are wound against their neighbours"), (inwards, "faces that all point inwards")):
         if wrong:
             which = "the mesh has" if len(rows) == 1 else f"{wrong} of {len(rows)} meshes {'has' if wrong == 1 else 'have'}"
-            found.append(Diagnostic("warning", f"{which} {what}", span, "--repair, in a scene mesh(…, repair: true), turns them round"))
-    return found
+            notes.append(Diagnostic("warning", f"{which} {what}", span, "--repair, in a scene mesh(…, repair: true), turns them round"))
+    return notes
 
 
 def _merged(tables: ir.Tables, rows: list[int]) -> tuple[F64, I64]:
     """Points (n, 3) and triangles (m, 3) of MESH geometries of one frame, equal points merged."""
-    geometries, pools = tables.geometries, tables.pools
     positions, triangles, start = [], [], 0
     for g in rows:
-        first, count = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
-        positions.append(pools.positions[first : first + count].astype(np.float64) + geometries.origin[g])
-        begin, length = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
-        triangles.append(pools.triangles[begin : begin + length].astype(np.int64) - first + start)
-        start += count
+        points, corners = ir.mesh_arrays(tables, g)
+        positions.append(points.astype(np.float64) + tables.geometries.origin[g])
+        triangles.append(corners.astype(np.int64) + start)
+        start += len(points)
     return merged(np.concatenate(positions), np.concatenate(triangles))
-
-
-def _counted(count: int, word: str) -> str:
-    return f"{count:,} {word}{'s' * (count != 1)}"
 
 
 def _of(meshes: int) -> str:
@@ -77,4 +72,4 @@ def _words(edges: list[Topology]) -> str:
     if not is_open:
         return f"closed, {parts}"
     which = "open" if len(edges) == 1 else f"{len(is_open)} open"
-    return f"{which} at {_counted(sum(each.open_edges for each in is_open), 'edge')}, {parts}"
+    return f"{which} at {counted(sum(each.open_edges for each in is_open), 'edge')}, {parts}"

@@ -46,14 +46,14 @@ def _assemble(mesh: PolyMesh, crease: float, name: str) -> tuple[MeshData, int]:
     triangles = np.asarray(mesh.indices)[cut.corners]
     used, triangles = _compact(triangles, len(mesh.points))
     points = np.asarray(mesh.points, dtype=np.float64)[used]
-    given = {
+    attributes = {
         name: _spread(attribute, cut, used, triangles, len(points))
         for name, attribute in (("normals", mesh.normals), ("uvs", mesh.uvs), ("colors", mesh.colors))
     }
     groups = None if mesh.groups is None else np.asarray(mesh.groups)[cut.faces]
-    given["normals"] = _normals(given["normals"], points, triangles, crease, groups)
+    attributes["normals"] = _normals(attributes["normals"], points, triangles, crease, groups)
     outlines = _outlines(mesh, cut, used) if (np.asarray(mesh.counts) > 3).any() else None
-    return MeshData(points, triangles, given["normals"], given["uvs"], given["colors"], outlines, name), cut.dropped
+    return MeshData(points, triangles, attributes["normals"], attributes["uvs"], attributes["colors"], outlines, name), cut.dropped
 
 
 def subset(mesh: PolyMesh, faces: np.ndarray) -> PolyMesh:
@@ -63,34 +63,34 @@ def subset(mesh: PolyMesh, faces: np.ndarray) -> PolyMesh:
     taken = counts[faces]
     corners = np.repeat(firsts[faces] - (np.cumsum(taken) - taken), taken) + np.arange(int(taken.sum()))
 
-    def of(attribute: MeshAttribute | None) -> MeshAttribute | None:
+    def pick(attribute: MeshAttribute | None) -> MeshAttribute | None:
         if attribute is None or attribute.interpolation in (_Kind.CONSTANT, _Kind.VERTEX):
             return attribute
         rows = faces if attribute.interpolation == _Kind.FACE else corners
         return MeshAttribute(attribute.values[rows], attribute.interpolation)
 
     groups = None if mesh.groups is None else mesh.groups[faces]
-    return PolyMesh(mesh.points, taken, np.asarray(mesh.indices)[corners], of(mesh.normals), of(mesh.uvs), of(mesh.colors), groups)
+    return PolyMesh(mesh.points, taken, np.asarray(mesh.indices)[corners], pick(mesh.normals), pick(mesh.uvs), pick(mesh.colors), groups)
 
 
 def split(mesh: PolyMesh, labels: np.ndarray) -> Iterator[tuple[int, PolyMesh]]:
     """(label, its faces as a mesh without other vertices) for the labels (f,) of a mesh's faces, ascending. Takes linear time in all."""
     order = np.argsort(labels, kind="stable")
-    found, firsts = np.unique(labels[order], return_index=True)
-    if len(found) <= 1:
-        yield from ((int(label), mesh) for label in found)
+    present, firsts = np.unique(labels[order], return_index=True)
+    if len(present) <= 1:
+        yield from ((int(label), mesh) for label in present)
         return
-    whole = subset(mesh, order)
-    ends = np.cumsum(whole.counts)
-    for label, first, last in zip(found, firsts, [*firsts[1:], len(order)], strict=True):
-        faces, corners = slice(first, last), slice(ends[first] - whole.counts[first], ends[last - 1])
-        used, indices = np.unique(whole.indices[corners], return_inverse=True)
+    ordered = subset(mesh, order)
+    ends = np.cumsum(ordered.counts)
+    for label, first, last in zip(present, firsts, [*firsts[1:], len(order)], strict=True):
+        faces, corners = slice(first, last), slice(ends[first] - ordered.counts[first], ends[last - 1])
+        used, indices = np.unique(ordered.indices[corners], return_inverse=True)
         rows = {_Kind.CONSTANT: slice(None), _Kind.VERTEX: used, _Kind.FACE: faces, _Kind.CORNER: corners}
         normals, uvs, colors = (
-            a and MeshAttribute(a.values[rows[a.interpolation]], a.interpolation) for a in (whole.normals, whole.uvs, whole.colors)
+            a and MeshAttribute(a.values[rows[a.interpolation]], a.interpolation) for a in (ordered.normals, ordered.uvs, ordered.colors)
         )
-        groups = None if whole.groups is None else whole.groups[faces]
-        yield int(label), PolyMesh(whole.points[used], whole.counts[faces], indices, normals, uvs, colors, groups)
+        groups = None if ordered.groups is None else ordered.groups[faces]
+        yield int(label), PolyMesh(ordered.points[used], ordered.counts[faces], indices, normals, uvs, colors, groups)
 
 
 def flip(mesh: PolyMesh) -> PolyMesh:
@@ -99,12 +99,13 @@ def flip(mesh: PolyMesh) -> PolyMesh:
     firsts = np.cumsum(counts) - counts
     order = np.repeat(2 * firsts + counts - 1, counts) - np.arange(int(counts.sum()))
 
-    def of(attribute: MeshAttribute | None) -> MeshAttribute | None:
+    def reordered(attribute: MeshAttribute | None) -> MeshAttribute | None:
         if attribute is None or attribute.interpolation != _Kind.CORNER:
             return attribute
         return MeshAttribute(attribute.values[order], _Kind.CORNER)
 
-    return PolyMesh(mesh.points, counts, np.asarray(mesh.indices)[order], of(mesh.normals), of(mesh.uvs), of(mesh.colors), mesh.groups)
+    indices = np.asarray(mesh.indices)[order]
+    return PolyMesh(mesh.points, counts, indices, reordered(mesh.normals), reordered(mesh.uvs), reordered(mesh.colors), mesh.groups)
 
 
 def _compact(triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -117,14 +118,16 @@ def _compact(triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]
     return np.flatnonzero(seen), renumbered[triangles].astype(np.int32)
 
 
-def _spread(given: MeshAttribute | None, cut: triangulate.Cut, used: np.ndarray, triangles: np.ndarray, count: int) -> MeshAttribute | None:
+def _spread(
+    attribute: MeshAttribute | None, cut: triangulate.Cut, used: np.ndarray, triangles: np.ndarray, count: int
+) -> MeshAttribute | None:
     """Resamples an attribute of polygons to triangles."""
-    if given is None or given.interpolation == _Kind.CONSTANT:
-        return given
-    values = np.asarray(given.values, dtype=np.float32)
-    if given.interpolation == _Kind.VERTEX:
+    if attribute is None or attribute.interpolation == _Kind.CONSTANT:
+        return attribute
+    values = np.asarray(attribute.values, dtype=np.float32)
+    if attribute.interpolation == _Kind.VERTEX:
         return MeshAttribute(values[used], _Kind.VERTEX)
-    if given.interpolation == _Kind.FACE:
+    if attribute.interpolation == _Kind.FACE:
         return MeshAttribute(values[cut.faces], _Kind.FACE)
     return by_vertex(values[cut.corners.reshape(-1)], triangles, count)
 
@@ -140,53 +143,54 @@ def by_vertex(values: np.ndarray, triangles: np.ndarray, count: int) -> MeshAttr
 
 
 def _normals(
-    given: MeshAttribute | None, points: np.ndarray, triangles: np.ndarray, crease: float, groups: np.ndarray | None
+    attribute: MeshAttribute | None, points: np.ndarray, triangles: np.ndarray, crease: float, groups: np.ndarray | None
 ) -> MeshAttribute | None:
-    if given is not None:
+    if attribute is not None:
         with np.errstate(all="ignore"):
-            length = np.linalg.norm(given.values, axis=1)
+            length = np.linalg.norm(attribute.values, axis=1)
             good = np.isfinite(length) & (length > 1e-12)
-            unit = np.where(good[:, None], given.values / np.where(good, length, 1.0)[:, None], 0.0).astype(np.float32)
+            unit = np.where(good[:, None], attribute.values / np.where(good, length, 1.0)[:, None], 0.0).astype(np.float32)
         if good.all():
-            return MeshAttribute(unit, given.interpolation)
+            return MeshAttribute(unit, attribute.interpolation)
         if not good.any():
             return _normals(None, points, triangles, crease, groups)
-        given = MeshAttribute(unit, given.interpolation)
+        attribute = MeshAttribute(unit, attribute.interpolation)
     elif crease <= 0 and groups is None:
         return None
     computed = vertex_normals.corner_normals(points, triangles, max(crease, 1e-6), groups).reshape(-1, 3)
-    if given is not None:
-        at_corners = _at_corners(given, triangles)
+    if attribute is not None:
+        at_corners = corner_values(attribute, 3, triangles.reshape(-1))
         missing = ~np.any(at_corners != 0, axis=1)
         computed = np.where(missing[:, None], computed, at_corners)
     return by_vertex(computed, triangles, len(points))
 
 
-def _at_corners(given: MeshAttribute, triangles: np.ndarray) -> np.ndarray:
-    if given.interpolation == _Kind.VERTEX:
-        return given.values[triangles.reshape(-1)]
-    if given.interpolation == _Kind.FACE:
-        return np.repeat(given.values, 3, axis=0)
-    if given.interpolation == _Kind.CONSTANT:
-        return np.repeat(given.values, triangles.size, axis=0)
-    return given.values
+def corner_values(attribute: MeshAttribute, counts: np.ndarray | int, indices: np.ndarray) -> np.ndarray:
+    """Values (c, width) at the corners of faces with `counts` corners each, whose vertices are `indices` (c,)."""
+    if attribute.interpolation == _Kind.VERTEX:
+        return attribute.values[indices]
+    if attribute.interpolation == _Kind.FACE:
+        return np.repeat(attribute.values, counts, axis=0)
+    if attribute.interpolation == _Kind.CONSTANT:
+        return np.repeat(attribute.values[:1], len(indices), axis=0)
+    return attribute.values
 
 
 def _outlines(mesh: PolyMesh, cut: triangulate.Cut, used: np.ndarray) -> Outlines:
     """Outlines of the triangulated faces."""
     drawn, first_triangle, triangle_count = np.unique(cut.faces, return_index=True, return_counts=True)
-    kept = subset(PolyMesh(mesh.points, mesh.counts, mesh.indices), drawn)
+    visible = subset(PolyMesh(mesh.points, mesh.counts, mesh.indices), drawn)
     renumbered = np.zeros(len(mesh.points), dtype=np.int32)
     renumbered[used] = np.arange(len(used), dtype=np.int32)
-    loops = np.stack([np.cumsum(kept.counts) - kept.counts, kept.counts], axis=1)
+    loops = np.stack([np.cumsum(visible.counts) - visible.counts, visible.counts], axis=1)
     polygons = np.stack([np.arange(len(drawn)), np.ones(len(drawn), np.int64), first_triangle, triangle_count], axis=1)
     # Collinear corners that ear clipping skipped are not among the vertices: remove them too.
-    return _without_unused(renumbered[kept.indices], np.isin(kept.indices, used), loops, polygons)
+    return _without_unused(renumbered[visible.indices], np.isin(visible.indices, used), loops, polygons)
 
 
 def _without_unused(corners: np.ndarray, present: np.ndarray, loops: np.ndarray, polygons: np.ndarray) -> Outlines:
     if not present.all():
-        kept = np.add.reduceat(present.astype(np.int64), loops[:, 0])
-        loops = np.stack([np.cumsum(kept) - kept, kept], axis=1)
+        sizes = np.add.reduceat(present.astype(np.int64), loops[:, 0])
+        loops = np.stack([np.cumsum(sizes) - sizes, sizes], axis=1)
         corners = corners[present]
     return Outlines(corners.astype(np.int32), loops.astype(np.int32), polygons.astype(np.int32))

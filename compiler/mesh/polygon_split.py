@@ -19,20 +19,20 @@ def pieces(loop: F64) -> list[I64]:
 
     A large polygon without diagonals, as one that crosses itself everywhere, is split at any corners.
     """
-    found = []
+    parts = []
     waiting = [np.arange(len(loop))]
     while waiting:
         rows = waiting.pop()
         if len(rows) <= LARGE:
-            found.append(rows)
+            parts.append(rows)
             continue
         split = next(filter(None, (_diagonal(loop[rows], share) for share in _SHARES)), None)
         if split is None and len(rows) <= WHOLE:
-            found.append(rows)
+            parts.append(rows)
             continue
         first, last = split or (0, len(rows) // 2)
         waiting += [rows[first : last + 1], np.concatenate([rows[last:], rows[: first + 1]])]
-    return found
+    return parts
 
 
 def _diagonal(loop: F64, share: int) -> tuple[int, int] | None:
@@ -40,15 +40,15 @@ def _diagonal(loop: F64, share: int) -> tuple[int, int] | None:
     count = len(loop)
     rows = np.arange(count)
     for k in range(_TRIES):
-        one = int(k * _STRIDE * count) % count
-        ways = loop - loop[one]
-        apart = np.abs(rows - one)
-        far = (np.minimum(apart, count - apart) >= count // share) & _is_inside(ways, ways[one - 1], ways[(one + 1) % count])
+        first = int(k * _STRIDE * count) % count
+        ways = loop - loop[first]
+        apart = np.abs(rows - first)
+        far = (np.minimum(apart, count - apart) >= count // share) & _is_inside(ways, ways[first - 1], ways[(first + 1) % count])
         if not far.any():
             continue
-        other = int(np.argmin(np.where(far, (ways * ways).sum(axis=1), np.inf)))
-        if not _crosses(loop, ways, one, other):
-            return min(one, other), max(one, other)
+        second = int(np.argmin(np.where(far, (ways * ways).sum(axis=1), np.inf)))
+        if not _crosses(loop, ways, first, second):
+            return min(first, second), max(first, second)
     return None
 
 
@@ -58,18 +58,18 @@ def _is_inside(ways: F64, before: F64, after: F64) -> np.ndarray:
     return left & right if cross(after, before) > 0 else left | right
 
 
-def _crosses(loop: F64, ways: F64, one: int, other: int) -> bool:
+def _crosses(loop: F64, ways: F64, first: int, second: int) -> bool:
     """Whether the diagonal between two corners crosses an edge; corners may touch it. `ways` (n, 2) lead from its start."""
     slack = _SLACK * np.ptp(loop, axis=0).max() ** 2
-    sides = cross(ways[other], ways)
+    sides = cross(ways[second], ways)
     sides[np.abs(sides) <= slack] = 0.0
-    sides[[one, other]] = 0.0
+    sides[[first, second]] = 0.0
     following = np.roll(sides, -1)
     rows = np.flatnonzero(sides * following < 0)
     edges = loop[(rows + 1) % len(loop)] - loop[rows]
-    if (cross(edges, loop[one] - loop[rows]) * cross(edges, loop[other] - loop[rows]) < 0).any():
+    if (cross(edges, loop[first] - loop[rows]) * cross(edges, loop[second] - loop[rows]) < 0).any():
         return True
-    along = (ways @ ways[other]) / (ways[other] @ ways[other])
+    along = (ways @ ways[second]) / (ways[second] @ ways[second])
     through = (sides == 0) & (np.roll(sides, 1) * following < 0) & (along > 0) & (along < 1)
     return bool(through.any())
 

@@ -68,15 +68,15 @@ def signed_area(loop: F64) -> float:
 def with_holes(outer: F64, holes: Sequence[F64]) -> list[F64]:
     """The outline, then the holes clockwise. Raises ProfileError unless each hole lies inside the outline and outside the others."""
     for number, hole in enumerate(holes, 1):
-        found = crossing(outer, hole)
-        if found is not None:
-            raise ProfileError(f"hole {number} meets the outline near {show(found)}", "keep each hole inside the outline")
+        place = crossing(outer, hole)
+        if place is not None:
+            raise ProfileError(f"hole {number} meets the outline near {show(place)}", "keep each hole inside the outline")
         if not inside(outer, hole[0]):
             raise ProfileError(f"hole {number} lies outside of the outline", "keep each hole inside the outline")
         for before, other in enumerate(holes[: number - 1], 1):
-            found = crossing(other, hole)
-            if found is not None:
-                raise ProfileError(f"holes {before} and {number} meet near {show(found)}", "make one hole of them")
+            place = crossing(other, hole)
+            if place is not None:
+                raise ProfileError(f"holes {before} and {number} meet near {show(place)}", "make one hole of them")
             if inside(other, hole[0]) or inside(hole, other[0]):
                 inner, outside = (number, before) if inside(other, hole[0]) else (before, number)
                 raise ProfileError(f"hole {inner} lies inside hole {outside}", f"leave out hole {inner}")
@@ -88,13 +88,13 @@ def inside(loop: F64, point: F64) -> bool:
     a, b = loop, np.roll(loop, -1, axis=0)
     over = (a[:, 1] > point[1]) != (b[:, 1] > point[1])
     a, b = a[over], b[over]
-    at = a[:, 0] + (point[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-    return bool(np.count_nonzero(at > point[0]) % 2)
+    crossings = a[:, 0] + (point[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return bool(np.count_nonzero(crossings > point[0]) % 2)
 
 
-def crossing(one: F64, other: F64) -> F64 | None:
+def crossing(first: F64, second: F64) -> F64 | None:
     """A point where an edge of one polygon meets an edge of another; None if none does."""
-    return _meeting(_edges(one), _edges(other), None)
+    return _meeting(_edges(first), _edges(second), None)
 
 
 def _edges(loop: F64) -> F64:
@@ -113,10 +113,10 @@ def _check_simple(loop: F64, what: str) -> None:
     size = extent(loop)
     if len(loop) < 3 or np.linalg.svd(loop - loop.mean(axis=0), compute_uv=False)[1] <= NO_AREA * size * len(loop) ** 0.5:
         raise ProfileError(f"{what} has no area: its points lie on one line", "write the corners of an area, one after the other")
-    found = crossing_of(loop)
-    if found is not None:
+    place = crossing_of(loop)
+    if place is not None:
         hint = "write its points in order around the area, none of them twice"
-        raise ProfileError(f"{what} crosses or touches itself near {show(found)}", hint)
+        raise ProfileError(f"{what} crosses or touches itself near {show(place)}", hint)
 
 
 def crossing_of(loop: F64, but: np.ndarray | None = None) -> F64 | None:
@@ -127,24 +127,24 @@ def crossing_of(loop: F64, but: np.ndarray | None = None) -> F64 | None:
     folded = (np.abs(cross(ways, after)) <= 1e-12 * extent(loop) ** 2) & ((ways * after).sum(axis=1) < 0)
     if folded.any():
         return edges[int(np.flatnonzero(folded)[0]), 1]
-    kept = np.arange(len(loop)) if but is None else np.flatnonzero(~but)
-    return _meeting(edges[kept], edges[kept], (kept, len(loop)))
+    rows = np.arange(len(loop)) if but is None else np.flatnonzero(~but)
+    return _meeting(edges[rows], edges[rows], (rows, len(loop)))
 
 
-def _meeting(one: F64, other: F64, own: tuple[np.ndarray, int] | None) -> F64 | None:
+def _meeting(first: F64, second: F64, shared: tuple[np.ndarray, int] | None) -> F64 | None:
     """A point where segments (n, 2, 2) of one list meet those of another.
 
-    `own`: both lists are these rows of one polygon of so many edges, of which neighbours do not count.
+    `shared`: both lists are these rows of one polygon of so many edges, of which neighbours do not count.
     """
-    slack = 1e-12 * extent(np.concatenate([one, other]).reshape(-1, 2)) ** 2
-    low, high = other.min(axis=1), other.max(axis=1)
-    for begin in range(0, len(one), _ROWS):
-        a, b = (one[begin : begin + _ROWS, None, k] for k in range(2))
-        c, d = other[None, :, 0], other[None, :, 1]
+    slack = 1e-12 * extent(np.concatenate([first, second]).reshape(-1, 2)) ** 2
+    low, high = second.min(axis=1), second.max(axis=1)
+    for begin in range(0, len(first), _ROWS):
+        a, b = (first[begin : begin + _ROWS, None, k] for k in range(2))
+        c, d = second[None, :, 0], second[None, :, 1]
         near = ((np.minimum(a, b) <= high) & (np.maximum(a, b) >= low)).all(axis=2)
-        if own is not None:
-            apart = np.abs(own[0][begin : begin + _ROWS, None] - own[0][None])
-            near &= (apart > 1) & (apart < own[1] - 1)
+        if shared is not None:
+            apart = np.abs(shared[0][begin : begin + _ROWS, None] - shared[0][None])
+            near &= (apart > 1) & (apart < shared[1] - 1)
         rows, columns = np.nonzero(near)
         if not len(rows):
             continue

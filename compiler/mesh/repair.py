@@ -30,7 +30,7 @@ class Repair:
     """What was repaired and what could not be, in words."""
 
     done: list[str] = field(default_factory=list)
-    left: list[str] = field(default_factory=list)
+    unrepaired: list[str] = field(default_factory=list)
 
     def did(self, count: int, singular: str, plural: str) -> None:
         """Add `count` repairs, if any."""
@@ -39,15 +39,15 @@ class Repair:
 
     def tell(self, what: str, diagnostics: Diagnostics, span: Span | None) -> None:
         """A note of what was repaired in `what`, and a warning of what stays."""
-        if self.done or not self.left:
+        if self.done or not self.unrepaired:
             diagnostics.note(f"repaired {what}: {', '.join(self.done)}" if self.done else f"{what} needs no repair", span)
-        if self.left:
-            diagnostics.warning(f"not repaired in {what}: {'; '.join(self.left)}", span)
+        if self.unrepaired:
+            diagnostics.warning(f"not repaired in {what}: {'; '.join(self.unrepaired)}", span)
 
     def could_not(self, count: int, singular: str, plural: str) -> None:
         """Add `count` faults that stay, if any."""
         if count:
-            self.left.append(f"{count:,} {singular if count == 1 else plural}")
+            self.unrepaired.append(f"{count:,} {singular if count == 1 else plural}")
 
 
 def repaired(mesh: PolyMesh, fill: bool = True) -> tuple[PolyMesh, I64 | None, Repair]:
@@ -61,8 +61,8 @@ def repaired(mesh: PolyMesh, fill: bool = True) -> tuple[PolyMesh, I64 | None, R
     corners, owner = cut.corners.astype(np.int64), cut.faces.astype(np.int64)
     points, vertex = _merged(np.asarray(mesh.points, np.float64), said)
     faces = vertex[np.asarray(mesh.indices, np.int64)[corners]]
-    kept = _kept(faces, said)
-    faces, corners, owner = faces[kept], corners[kept], owner[kept]
+    distinct = _kept(faces, said)
+    faces, corners, owner = faces[distinct], corners[distinct], owner[distinct]
     turned = _turned(faces, said)
     faces[turned], corners[turned] = faces[turned][:, ::-1], corners[turned][:, ::-1]
     new, beside = _filled(points, faces, said) if fill else (faces[:0], owner[:0])
@@ -75,13 +75,13 @@ def repaired(mesh: PolyMesh, fill: bool = True) -> tuple[PolyMesh, I64 | None, R
     at_vertex = np.zeros(len(points), np.int64)
     at_vertex[faces] = corners
     corners, owner = np.concatenate([corners, at_vertex[new]]), np.concatenate([owner, owner[beside]])
-    whole = np.concatenate([faces, new])
+    all_faces = np.concatenate([faces, new])
     normals, uvs, colors = (_at_corners(a, mesh, corners, owner) for a in (mesh.normals, mesh.uvs, mesh.colors))
     if normals is not None:
-        normals = _facing(normals, points, whole, turned ^ old, len(faces))
+        normals = _facing(normals, points, all_faces, turned ^ old, len(faces))
     groups = None if mesh.groups is None else np.asarray(mesh.groups)[owner]
-    made = PolyMesh(points, np.full(len(whole), 3, np.int64), whole.reshape(-1), normals, uvs, colors, groups)
-    return made, owner, said
+    result = PolyMesh(points, np.full(len(all_faces), 3, np.int64), all_faces.reshape(-1), normals, uvs, colors, groups)
+    return result, owner, said
 
 
 def _merged(points: F64, said: Repair) -> tuple[F64, I64]:
@@ -124,9 +124,9 @@ def _turned(faces: I64, said: Repair) -> np.ndarray:
     """(m,) which faces are wound against most of those that they are connected with."""
     m = len(faces)
     sides, order, count = _sides(faces)
-    one, other = order[count == 2].reshape(-1, 2).T
-    same = (sides[one, 0] == sides[other, 0]).astype(np.int64)
-    a, b = one // 3, other // 3
+    first, second = order[count == 2].reshape(-1, 2).T
+    same = (sides[first, 0] == sides[second, 0]).astype(np.int64)
+    a, b = first // 3, second // 3
     label = connected_vertices(2 * m, np.concatenate([np.stack([a, b + m * same], axis=1), np.stack([a + m, b + m * (1 - same)], axis=1)]))
     part = np.minimum(label[:m], label[m:])
     one_sided = label[:m] == label[m:]
@@ -146,27 +146,27 @@ def _inwards(points: F64, faces: I64, said: Repair) -> np.ndarray:
     part = _closed_parts(faces)
     corners = points[faces] - points[faces[:1, :1]].reshape(-1, 1, 3)
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    bodies, found = np.unique(part[part >= 0]).tolist(), np.zeros(len(faces), bool)
+    bodies, inward = np.unique(part[part >= 0]).tolist(), np.zeros(len(faces), bool)
     if len(bodies) > MOST_BODIES:
-        found = (part >= 0) & (volume[part >= 0].sum() < 0.0)
+        inward = (part >= 0) & (volume[part >= 0].sum() < 0.0)
         bodies = []
     volumes = {body: float(volume[part == body].sum()) for body in bodies}
     for body in bodies:
         point = corners[part == body][0].mean(axis=0)
         around = [other for other in bodies if other != body and round(winding_number(corners[part == other] - point))]
         if volumes[max(around, key=lambda other: abs(volumes[other]), default=body)] < 0.0:
-            found |= part == body
-    said.did(int(found.sum()), "face turned outwards", "faces turned outwards")
-    return found
+            inward |= part == body
+    said.did(int(inward.sum()), "face turned outwards", "faces turned outwards")
+    return inward
 
 
 def _closed_parts(faces: I64) -> I64:
     """(m,) a number for each closed surface that is wound one way; -1 of the others."""
     sides, order, count = _sides(faces)
-    one, other = order[count == 2].reshape(-1, 2).T
-    part = connected_vertices(len(faces), np.stack([one // 3, other // 3], axis=1))
+    first, second = order[count == 2].reshape(-1, 2).T
+    part = connected_vertices(len(faces), np.stack([first // 3, second // 3], axis=1))
     sound = np.zeros(len(sides), bool)
-    sound[one] = sound[other] = sides[one, 0] != sides[other, 0]
+    sound[first] = sound[second] = sides[first, 0] != sides[second, 0]
     faults = np.bincount(part, ~sound.reshape(-1, 3).all(axis=1), len(faces))
     return np.where(faults[part] == 0, part, -1)
 
@@ -185,7 +185,7 @@ def _filled(points: F64, faces: I64, said: Repair) -> tuple[I64, I64]:
         holes += count
         new, beside = np.concatenate([new, triangles]), np.concatenate([beside, beside[near]])
     said.did(holes, "hole filled", "holes filled")
-    said.left += last.left
+    said.unrepaired += last.unrepaired
     return new, beside[len(faces) :]
 
 
@@ -202,7 +202,7 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64, int]:
     at_border = np.zeros(len(points), bool)
     at_border[sides[border]] = True
     present = set(map(tuple, np.sort(faces[at_border[faces].all(axis=1)], axis=1).tolist()))
-    made, beside, wide, hard = [faces[:0]], [border[:0]], 0, 0
+    fillings, beside, wide, hard = [faces[:0]], [border[:0]], 0, 0
     for (loop, near), normal in zip(loops, _normals(points, [loop for loop, _ in loops]), strict=True):
         corners, size = points[loop], math.sqrt(normal @ normal)
         if size > LARGEST_HOLE * twice[label[loop[0]]]:
@@ -214,11 +214,11 @@ def _holes(points: F64, faces: I64, said: Repair) -> tuple[I64, I64, int]:
             hard += 1
             continue
         present |= rows
-        made.append(loop[triangles])
+        fillings.append(loop[triangles])
         beside.append(np.full(len(triangles), near))
     said.could_not(wide, "hole is left: it is larger than half of the surface", "holes are left: they are larger than half of the surface")
     said.could_not(hard, "hole is left: no flat faces fill it", "holes are left: no flat faces fill them")
-    return np.concatenate(made), np.concatenate(beside), len(made) - 1
+    return np.concatenate(fillings), np.concatenate(beside), len(fillings) - 1
 
 
 def _has_area(corners: F64) -> bool:
@@ -253,11 +253,11 @@ def _loops(edges: I64, face: I64) -> tuple[list[tuple[I64, int]], int]:
                 taken.append(k)
                 end = ends[k]
                 if end in place:
-                    at = place[end]
-                    loops.append((np.array(path[at:], np.int64), int(face[taken[at]])))
-                    for vertex in path[at + 1 :]:
+                    begin = place[end]
+                    loops.append((np.array(path[begin:], np.int64), int(face[taken[begin]])))
+                    for vertex in path[begin + 1 :]:
                         del place[vertex]
-                    path, taken = path[: at + 1], taken[:at]
+                    path, taken = path[: begin + 1], taken[:begin]
                 else:
                     place[end] = len(path)
                     path.append(end)
@@ -276,15 +276,15 @@ def _flat(corners: F64, normal: F64) -> I64:
         return np.zeros((0, 3), np.int64)
 
 
-def _at_corners(given: MeshAttribute | None, mesh: PolyMesh, corners: I64, owner: I64) -> MeshAttribute | None:
+def _at_corners(attribute: MeshAttribute | None, mesh: PolyMesh, corners: I64, owner: I64) -> MeshAttribute | None:
     """An attribute of polygons at the corners of triangles."""
-    if given is None or given.interpolation == _Kind.CONSTANT:
-        return given
-    values = np.asarray(given.values)
-    if given.interpolation == _Kind.FACE:
-        return replace(given, values=values[owner])
+    if attribute is None or attribute.interpolation == _Kind.CONSTANT:
+        return attribute
+    values = np.asarray(attribute.values)
+    if attribute.interpolation == _Kind.FACE:
+        return replace(attribute, values=values[owner])
     rows = corners.reshape(-1)
-    return MeshAttribute(values[np.asarray(mesh.indices)[rows] if given.interpolation == _Kind.VERTEX else rows], _Kind.CORNER)
+    return MeshAttribute(values[np.asarray(mesh.indices)[rows] if attribute.interpolation == _Kind.VERTEX else rows], _Kind.CORNER)
 
 
 def _facing(normals: MeshAttribute, points: F64, faces: I64, turned: np.ndarray, old: int) -> MeshAttribute:

@@ -39,11 +39,9 @@ class Converters(NamedTuple):
 
 def mesh(tables: ir.Tables, g: int) -> Shell:
     """A MESH geometry with normals (flipped to its faces' side), coordinates and colours, indexed where possible."""
-    geometries, pools = tables.geometries, tables.pools
-    first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
-    start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
-    triangles = pools.triangles[first : first + count] - np.int32(start)
-    positions = pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
+    geometries = tables.geometries
+    positions, triangles = ir.mesh_arrays(tables, g)
+    positions, count = positions.astype(np.float64) + geometries.origin[g], len(triangles)
     rows = [int(column[g]) for column in (geometries.normals, geometries.uvs, geometries.colors)]
     by_vertex = all(row < 0 or tables.attributes.interpolation[row] == ir.Interpolation.VERTEX for row in rows)
     corner = [None if row < 0 else at_corners(tables, row, triangles) for row in rows]

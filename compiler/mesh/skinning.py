@@ -15,10 +15,10 @@ _At = ir.Interpolation
 
 def blended_matrices(joints: np.ndarray, indices: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(n, 4, 4) the weighted means of the joints (j, 4, 4) of each point; `indices` and `weights` are (n, k)."""
-    made = np.zeros((len(indices), 4, 4))
+    blended = np.zeros((len(indices), 4, 4))
     for k in range(indices.shape[1]):
-        made += weights[:, k, None, None] * joints[indices[:, k]]
-    return made
+        blended += weights[:, k, None, None] * joints[indices[:, k]]
+    return blended
 
 
 def deformed_points(points: np.ndarray, joints: np.ndarray, indices: np.ndarray, weights: np.ndarray) -> np.ndarray:

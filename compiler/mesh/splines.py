@@ -46,12 +46,12 @@ def polyline(points: F64, kind: str, closed: bool, tolerance: float, turn: float
 
     `turn`: most radians by which a piece turns from one step to the next, on average over the piece.
     """
-    made = []
+    parts = []
     for piece in pieces(points, kind, closed):
         steps = _steps(piece, tolerance, turn)
-        made.append(_at(piece, np.arange(steps) / steps))
+        parts.append(_at(piece, np.arange(steps) / steps))
         last = piece[-1:]
-    return np.concatenate(made if closed else [*made, last])
+    return np.concatenate(parts if closed else [*parts, last])
 
 
 def deviation(points: F64, kind: str, closed: bool, tolerance: float) -> float:
@@ -119,17 +119,17 @@ def _open_bspline(points: F64) -> list[F64]:
 def _span(points: F64, knots: F64, degree: int, span: int) -> F64:
     """The Bézier points of a knot span: its blossom at the span's ends (Ramshaw 1987), by de Boor's algorithm."""
     low, high = knots[span], knots[span + 1]
-    made = []
+    bezier = []
     for highs in range(degree + 1):
-        left = points[span - degree : span + 1]
+        controls = points[span - degree : span + 1]
         for level in range(degree):
-            at = high if level < highs else low
+            parameter = high if level < highs else low
             begin = knots[span - degree + 1 + level : span + 1][:, None]
             end = knots[span + 1 : span + 1 + degree - level][:, None]
-            share = (at - begin) / (end - begin)
-            left = (1 - share) * left[:-1] + share * left[1:]
-        made.append(left[0])
-    return np.array(made)
+            share = (parameter - begin) / (end - begin)
+            controls = (1 - share) * controls[:-1] + share * controls[1:]
+        bezier.append(controls[0])
+    return np.array(bezier)
 
 
 def _steps(piece: F64, tolerance: float, turn: float) -> int:
@@ -154,8 +154,8 @@ def _bend(piece: F64) -> float:
 
 def _at(piece: F64, t: F64) -> F64:
     """The points (m, d) of a Bézier piece at parameters (m,), by de Casteljau's algorithm."""
-    left = np.broadcast_to(piece, (len(t), *piece.shape))
+    controls = np.broadcast_to(piece, (len(t), *piece.shape))
     share = t[:, None, None]
-    while left.shape[1] > 1:
-        left = (1 - share) * left[:, :-1] + share * left[:, 1:]
-    return left[:, 0]
+    while controls.shape[1] > 1:
+        controls = (1 - share) * controls[:, :-1] + share * controls[:, 1:]
+    return controls[:, 0]

@@ -73,19 +73,19 @@ def _frames(strands: Strands, along: F64) -> F64:
     angles along a polyline makes up for it.
     """
     first = np.cumsum(strands.counts) - strands.counts
-    own = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)]))
-    beside = np.cross(along, own)
+    across = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)]))
+    beside = np.cross(along, across)
     before, after = along[:-1], along[1:]
-    whole = 1.0 + np.einsum("ij,ij->i", before, after)
-    turned = whole > 1e-9  # back along itself has no smallest rotation
-    share = np.einsum("ij,ij->i", after, own[:-1]) / np.where(turned, whole, 1.0)
-    moved = own[:-1] - share[:, None] * (before + after)
+    cosine = 1.0 + np.einsum("ij,ij->i", before, after)
+    turned = cosine > 1e-9  # back along itself has no smallest rotation
+    share = np.einsum("ij,ij->i", after, across[:-1]) / np.where(turned, cosine, 1.0)
+    moved = across[:-1] - share[:, None] * (before + after)
     angle = np.zeros(len(along))
-    angle[1:] = np.arctan2(np.einsum("ij,ij->i", moved, beside[1:]), np.einsum("ij,ij->i", moved, own[1:])) * turned
+    angle[1:] = np.arctan2(np.einsum("ij,ij->i", moved, beside[1:]), np.einsum("ij,ij->i", moved, across[1:])) * turned
     angle[first] = 0.0
     angle = np.cumsum(angle)
     angle -= np.repeat(angle[first], strands.counts)
-    return np.cos(angle)[:, None] * own + np.sin(angle)[:, None] * beside
+    return np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * beside
 
 
 def _unit(vectors: F64) -> F64:

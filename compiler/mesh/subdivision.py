@@ -50,7 +50,7 @@ def refine(mesh: PolyMesh, scheme: Scheme, level: int) -> tuple[PolyMesh, I64]:
     boundaries they are means over the faces of a side. A bilinear mesh has no normals. Faces that `boundary` none leaves undefined are
     left out.
     """
-    cage = Cage.of(np.asarray(mesh.indices, np.int64), np.asarray(mesh.counts, np.int64), len(mesh.points))
+    cage = Cage.from_faces(np.asarray(mesh.indices, np.int64), np.asarray(mesh.counts, np.int64), len(mesh.points))
     sharpened = _sharpened(cage, scheme)
     smooth = [("points", np.asarray(mesh.points, np.float64))]
     smooth += [(n, a.values) for n, a in _of(mesh, _At.VERTEX) if n not in scheme.linear]
@@ -61,33 +61,33 @@ def refine(mesh: PolyMesh, scheme: Scheme, level: int) -> tuple[PolyMesh, I64]:
     normals = None if linear else limit_normals(last, values[:, :3], scheme.name)
     if not linear:
         values = limit_positions(last, values, scheme.name)
-    made = {name: MeshAttribute(values[:, a:b]) for (name, _), a, b in zip(smooth, columns[:-1], columns[1:], strict=True)}
+    attributes = {name: MeshAttribute(values[:, a:b]) for (name, _), a, b in zip(smooth, columns[:-1], columns[1:], strict=True)}
     for name, attribute in _of(mesh, _At.VERTEX):
         if name in scheme.linear:
             plain = Scheme("bilinear" if scheme.name != "loop" else "linear loop")
-            made[name] = MeshAttribute(_run(cage, attribute.values.astype(np.float64), plain, level)[0])
+            attributes[name] = MeshAttribute(_run(cage, attribute.values.astype(np.float64), plain, level)[0])
     for name, attribute in _of(mesh, _At.CORNER):
-        made[name] = MeshAttribute(_face_varying(cage, sharpened, attribute.values, scheme, level), _At.CORNER)
+        attributes[name] = MeshAttribute(_face_varying(cage, sharpened, attribute.values, scheme, level), _At.CORNER)
     for name, attribute in _of(mesh, _At.FACE):
-        made[name] = MeshAttribute(attribute.values[parents], _At.FACE)
+        attributes[name] = MeshAttribute(attribute.values[parents], _At.FACE)
     for name, attribute in _of(mesh, _At.CONSTANT):
-        made[name] = attribute
-    points = made["points"].values
+        attributes[name] = attribute
+    points = attributes["points"].values
     refined = PolyMesh(
         points, last.counts, last.indices, None if normals is None else MeshAttribute(normals, _At.CORNER),
-        made.get("uvs"), made.get("colors"),
+        attributes.get("uvs"), attributes.get("colors"),
     )  # fmt: skip
-    kept = np.ones(len(mesh.counts), bool)
+    defined = np.ones(len(mesh.counts), bool)
     if scheme.boundary == "none" and not linear:
         on_boundary = np.zeros(len(mesh.points), bool)
         on_boundary[cage.edges[cage.faces_at_edge != 2].reshape(-1)] = True
-        kept[cage.face_of[on_boundary[cage.indices]]] = False
-    return _triangles(refined, parents, kept)
+        defined[cage.face_of[on_boundary[cage.indices]]] = False
+    return _triangles(refined, parents, defined)
 
 
 def _of(mesh: PolyMesh, kind: _At) -> list[tuple[str, MeshAttribute]]:
-    given = (("uvs", mesh.uvs), ("colors", mesh.colors))
-    return [(name, attribute) for name, attribute in given if attribute is not None and attribute.interpolation == kind]
+    candidates = (("uvs", mesh.uvs), ("colors", mesh.colors))
+    return [(name, attribute) for name, attribute in candidates if attribute is not None and attribute.interpolation == kind]
 
 
 def _children(counts: I64, scheme: str, level: int) -> I64:
@@ -102,9 +102,9 @@ def _sharpened(cage: Cage, scheme: Scheme) -> Cage:
     keys = cage.edges[:, 0] * (cage.vertices + 1) + cage.edges[:, 1]
     wanted = creases[:, 0] * (cage.vertices + 1) + creases[:, 1]
     if len(keys) and len(wanted):
-        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        there = keys[at] == wanted
-        np.maximum.at(edge, at[there], np.asarray(scheme.crease_sharpness, np.float64)[there])
+        nearest = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        exists = keys[nearest] == wanted
+        np.maximum.at(edge, nearest[exists], np.asarray(scheme.crease_sharpness, np.float64)[exists])
     edge[~cage.manifold] = SHARP
     vertex = np.zeros(cage.vertices)
     rows = np.asarray(scheme.corners, np.int64)
@@ -128,57 +128,58 @@ def _face_varying(cage: Cage, sharpened: Cage, values: np.ndarray, scheme: Schem
     keys = np.column_stack([cage.indices.astype(np.float64), values])
     unique, rows = np.unique(keys, axis=0, return_inverse=True)
     rows = rows.reshape(-1)
-    own = Cage.of(rows.astype(np.int64), cage.counts, len(unique))
+    value_cage = Cage.from_faces(rows.astype(np.int64), cage.counts, len(unique))
     if scheme.face_varying == "all" or scheme.name == "bilinear":
         plain = Scheme("linear loop" if scheme.name == "loop" else "bilinear")
-        made, last = _run(own, unique[:, 1:], plain, level)
-        return made[last.indices]
-    edge = np.zeros(len(own.edges))
-    edge[own.edge_of] = sharpened.edge_sharpness[cage.edge_of]
-    edge[~own.manifold] = SHARP
+        refined, last = _run(value_cage, unique[:, 1:], plain, level)
+        return refined[last.indices]
+    edge = np.zeros(len(value_cage.edges))
+    edge[value_cage.edge_of] = sharpened.edge_sharpness[cage.edge_of]
+    edge[~value_cage.manifold] = SHARP
     of_vertex = unique[:, 0].astype(np.int64)
     vertex = np.where(sharpened.vertex_sharpness[of_vertex] < SHARP, sharpened.vertex_sharpness[of_vertex], 0.0)
     explicit = np.zeros(cage.vertices, bool)
     explicit[np.asarray(scheme.corners, np.int64)[np.asarray(scheme.corner_sharpness) >= SHARP]] = True
     vertex[explicit[of_vertex]] = SHARP
-    vertex[_linear_corners(own, of_vertex, cage.vertices, scheme.face_varying)] = SHARP
-    made, last = _run(own.with_sharpness(edge, vertex), unique[:, 1:], scheme, level)
-    return limit_positions(last, made, scheme.name)[last.indices]
+    vertex[_linear_corners(value_cage, of_vertex, cage.vertices, scheme.face_varying)] = SHARP
+    refined, last = _run(value_cage.with_sharpness(edge, vertex), unique[:, 1:], scheme, level)
+    return limit_positions(last, refined, scheme.name)[last.indices]
 
 
-def _linear_corners(own: Cage, of_vertex: I64, vertices: int, rule: str) -> np.ndarray:
+def _linear_corners(value_cage: Cage, of_vertex: I64, vertices: int, rule: str) -> np.ndarray:
     """(n,) which face-varying values keep their place, by faceVaryingLinearInterpolation."""
-    faces = np.bincount(own.indices, minlength=own.vertices)
-    at_boundary = np.zeros(own.vertices, bool)
-    at_boundary[own.edges[~own.manifold].reshape(-1)] = True
+    faces = np.bincount(value_cage.indices, minlength=value_cage.vertices)
+    at_boundary = np.zeros(value_cage.vertices, bool)
+    at_boundary[value_cage.edges[~value_cage.manifold].reshape(-1)] = True
     if rule == "boundaries":
         return at_boundary
     corner = (faces == 1) & at_boundary
     if rule == "none":
-        return np.zeros(own.vertices, bool)
+        return np.zeros(value_cage.vertices, bool)
     regions = np.bincount(of_vertex, minlength=vertices)[of_vertex]
     if rule in ("cornersPlus1", "cornersPlus2"):
         corner = corner | (regions > 2)
     if rule == "cornersPlus2":
         beside = np.zeros(vertices, bool)
         beside[of_vertex[(faces == 1) & at_boundary]] = True
-        corner = corner | (beside[of_vertex] & (regions == 2)) | ((regions == 1) & at_boundary & (own.boundary_edges() == 1))
+        corner = corner | (beside[of_vertex] & (regions == 2)) | ((regions == 1) & at_boundary & (value_cage.boundary_edges() == 1))
     return corner
 
 
-def _triangles(mesh: PolyMesh, parents: I64, kept: np.ndarray) -> tuple[PolyMesh, I64]:
+def _triangles(mesh: PolyMesh, parents: I64, defined: np.ndarray) -> tuple[PolyMesh, I64]:
     """The faces of the kept parents; quads as two triangles each."""
-    faces = np.flatnonzero(kept[parents])
+    faces = np.flatnonzero(defined[parents])
     size = int(mesh.counts[0])
     cut = np.array([[0, 1, 2], [0, 2, 3]] if size == 4 else [[0, 1, 2]])
     corners = (faces[:, None, None] * size + cut).reshape(-1)
-    of = np.repeat(faces, len(cut))
+    owners = np.repeat(faces, len(cut))
 
-    def at(attribute: MeshAttribute | None) -> MeshAttribute | None:
+    def resampled(attribute: MeshAttribute | None) -> MeshAttribute | None:
         if attribute is None or attribute.interpolation in (_At.VERTEX, _At.CONSTANT):
             return attribute if attribute is None else MeshAttribute(attribute.values.astype(np.float32), attribute.interpolation)
-        rows = of if attribute.interpolation == _At.FACE else corners
+        rows = owners if attribute.interpolation == _At.FACE else corners
         return MeshAttribute(attribute.values[rows].astype(np.float32), attribute.interpolation)
 
     indices = np.asarray(mesh.indices)[corners]
-    return PolyMesh(mesh.points, np.full(len(of), 3), indices, at(mesh.normals), at(mesh.uvs), at(mesh.colors)), parents[of]
+    normals, uvs, colors = (resampled(attribute) for attribute in (mesh.normals, mesh.uvs, mesh.colors))
+    return PolyMesh(mesh.points, np.full(len(owners), 3), indices, normals, uvs, colors), parents[owners]

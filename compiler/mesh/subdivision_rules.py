@@ -31,7 +31,7 @@ class Cage:
     vertex_sharpness: F64  # (n,)
 
     @classmethod
-    def of(cls, indices: I64, counts: I64, vertices: int) -> Cage:
+    def from_faces(cls, indices: I64, counts: I64, vertices: int) -> Cage:
         """The cage of faces, without sharpness."""
         first = np.cumsum(counts) - counts
         corner = np.arange(len(indices))
@@ -93,18 +93,18 @@ def child_cage(cage: Cage, scheme: str) -> Cage:
         corners = np.stack([cage.indices, on_edge, before], axis=1).reshape(-1, 3, 3)  # at the three corners of each triangle
         middle = on_edge.reshape(-1, 1, 3)
         indices = np.concatenate([corners, middle], axis=1).reshape(-1)
-        made = Cage.of(indices, np.full(len(indices) // 3, 3), n + e)
+        child = Cage.from_faces(indices, np.full(len(indices) // 3, 3), n + e)
     else:
         indices = np.stack([cage.indices, on_edge, n + e + cage.face_of, before], axis=1).reshape(-1)
-        made = Cage.of(indices, np.full(len(indices) // 4, 4), n + e + len(cage.counts))
-    low, high = made.edges.T
+        child = Cage.from_faces(indices, np.full(len(indices) // 4, 4), n + e + len(cage.counts))
+    low, high = child.edges.T
     half = (low < n) & (high >= n) & (high < n + e)  # half of an edge of the cage
-    edge = np.zeros(len(made.edges))
+    edge = np.zeros(len(child.edges))
     edge[half] = _decayed(cage.edge_sharpness)[high[half] - n]
-    edge[~made.manifold] = SHARP
-    vertex = np.zeros(made.vertices)
+    edge[~child.manifold] = SHARP
+    vertex = np.zeros(child.vertices)
     vertex[:n] = _decayed(cage.vertex_sharpness)
-    return made.with_sharpness(edge, vertex)
+    return child.with_sharpness(edge, vertex)
 
 
 def refine_values(cage: Cage, values: F64, scheme: str, smooth_triangles: bool = False) -> F64:
@@ -128,8 +128,8 @@ def _catmull_clark_edges(cage: Cage, centers: F64, ends: F64, smooth_triangles: 
     of_faces = np.stack([np.bincount(cage.edge_of, c, len(cage.edges)) for c in centers[cage.face_of].T], axis=1)
     weight = np.full(len(cage.edges), 0.25)
     if smooth_triangles:
-        own = np.where(cage.counts == 3, _TRIANGLE_WEIGHT, 0.25)
-        weight = np.bincount(cage.edge_of, own[cage.face_of], len(cage.edges)) / np.maximum(cage.faces_at_edge, 1)
+        face_weight = np.where(cage.counts == 3, _TRIANGLE_WEIGHT, 0.25)
+        weight = np.bincount(cage.edge_of, face_weight[cage.face_of], len(cage.edges)) / np.maximum(cage.faces_at_edge, 1)
     return weight[:, None] * of_faces + (0.5 - weight)[:, None] * ends
 
 
@@ -190,8 +190,8 @@ def limit_positions(cage: Cage, values: F64, scheme: str) -> F64:
     count = cage.valence(sharp)
     crease = (4 * values + cage.neighbours(values, sharp)) / 6
     corner = (cage.vertex_sharpness > 0) | (count > 2)
-    made = np.where(corner[:, None], values, np.where((count == 2)[:, None], crease, smooth))
-    return np.where((cage.valence() > 0)[:, None], made, values)
+    limit = np.where(corner[:, None], values, np.where((count == 2)[:, None], crease, smooth))
+    return np.where((cage.valence() > 0)[:, None], limit, values)
 
 
 def limit_normals(cage: Cage, points: F64, scheme: str) -> F64:
@@ -218,28 +218,28 @@ def limit_normals(cage: Cage, points: F64, scheme: str) -> F64:
                 tangent[on] += (scale[on] * wave(angle))[:, None] * edge + (wave(angle) + wave(angle + turn[on]))[:, None] * face
         half[on] = cage.twin[cage.previous[h]]
     normals[rows] = np.cross(first, second)
-    made = normals[cage.indices]
-    weak = np.linalg.norm(made, axis=1) <= 1e-30
-    made[weak] = _side_normals(cage, limit_positions(cage, points, scheme))[weak]
-    length = np.linalg.norm(made, axis=1, keepdims=True)
-    return made / np.where(length > 0, length, 1.0)
+    at_corners = normals[cage.indices]
+    weak = np.linalg.norm(at_corners, axis=1) <= 1e-30
+    at_corners[weak] = _side_normals(cage, limit_positions(cage, points, scheme))[weak]
+    length = np.linalg.norm(at_corners, axis=1, keepdims=True)
+    return at_corners / np.where(length > 0, length, 1.0)
 
 
 def _side_normals(cage: Cage, points: F64) -> F64:
     """Sums (c, 3) of the faces' normals over the corners of a vertex that no sharp edge separates."""
-    at, after, before = (points[cage.indices[rows]] for rows in (np.arange(len(cage.indices)), cage.next, cage.previous))
-    own = np.cross(after - at, before - at)
-    length = np.linalg.norm(own, axis=1, keepdims=True)
-    angle = np.arctan2(length[:, 0], np.einsum("ij,ij->i", after - at, before - at))
-    own = own / np.where(length > 0, length, 1.0) * angle[:, None]
+    corner, after, before = (points[cage.indices[rows]] for rows in (np.arange(len(cage.indices)), cage.next, cage.previous))
+    normal = np.cross(after - corner, before - corner)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    angle = np.arctan2(length[:, 0], np.einsum("ij,ij->i", after - corner, before - corner))
+    normal = normal / np.where(length > 0, length, 1.0) * angle[:, None]
     # A half-edge and the one after its twin start at one vertex, on both sides of their edge.
     linked = np.flatnonzero((cage.twin >= 0) & (cage.edge_sharpness[cage.edge_of] <= 0))
-    one, other = linked, cage.next[cage.twin[linked]]
+    first, second = linked, cage.next[cage.twin[linked]]
     label = np.arange(len(cage.indices))
     while True:
-        low = np.minimum(label[one], label[other])
-        if (low == label[one]).all() and (low == label[other]).all():
+        low = np.minimum(label[first], label[second])
+        if (low == label[first]).all() and (low == label[second]).all():
             break
-        np.minimum.at(label, one, low)
-        np.minimum.at(label, other, low)
-    return np.stack([np.bincount(label, own[:, k], len(label)) for k in range(3)], axis=1, dtype=np.float64)[label]
+        np.minimum.at(label, first, low)
+        np.minimum.at(label, second, low)
+    return np.stack([np.bincount(label, normal[:, k], len(label)) for k in range(3)], axis=1, dtype=np.float64)[label]

@@ -63,17 +63,17 @@ def revolve(profile: F64, closed: bool, angle: float, tolerance: float | None = 
 
     A closed profile is counter-clockwise; less than a whole turn of it has flat ends. u runs round, v along the profile.
     """
-    whole = angle >= 2 * math.pi
+    full_turn = angle >= 2 * math.pi
     count = turns(profile, angle, tolerance)
     # A whole turn begins at -z, as u of a cylinder does.
-    turned = (-math.pi if whole else math.pi / 2) + angle / count * np.arange(count if whole else count + 1)
+    turned = (-math.pi if full_turn else math.pi / 2) + angle / count * np.arange(count if full_turn else count + 1)
     pole = profile[:, 0] == 0
     vertices = _ring_vertices(pole, len(turned))
     radius, y = (np.broadcast_to(column[:, None], vertices.shape) for column in profile.T)
     rings = np.stack([radius * np.sin(turned), y, radius * np.cos(turned)], axis=2)
     points = np.zeros((int(vertices.max()) + 1, 3))
     points[vertices] = rings
-    if whole:
+    if full_turn:
         vertices = np.concatenate([vertices, vertices[:, :1]], axis=1)
     edge = np.arange(len(profile) if closed else len(profile) - 1)
     after = (edge + 1) % len(profile)
@@ -84,7 +84,7 @@ def revolve(profile: F64, closed: bool, angle: float, tolerance: float | None = 
         rows = np.flatnonzero(kind)
         if len(rows):
             _revolve_edges(faces, vertices, (edge[rows], after[rows]), (v[rows], v[rows + 1]), u, pole)
-    if closed and not whole:
+    if closed and not full_turn:
         low, size = profile.min(axis=0), profiles.extent(profile)
         triangles = mesh_csg.triangulate([profile])
         for column, order in ((0, triangles), (-1, triangles[:, ::-1])):
@@ -106,11 +106,11 @@ def _revolve_edges(faces: Faces, vertices: I64, ends: tuple[I64, I64], v: tuple[
     us = np.broadcast_to(np.stack([u[:-1], u[1:], u[1:], u[:-1]], axis=1), (len(low), len(u) - 1, 4))
     vs = np.broadcast_to(np.stack([v[0], v[0], v[1], v[1]], axis=1)[:, None], us.shape)
     uvs = np.stack([us, vs], axis=3).reshape(-1, 4, 2)
-    for end, kept, tip in ((ends[0], [0, 2, 3], 0), (ends[1], [0, 1, 2], 2)):
+    for end, columns, tip in ((ends[0], [0, 2, 3], 0), (ends[1], [0, 1, 2], 2)):
         if pole[end].all():
-            uvs = uvs[:, kept]
+            uvs = uvs[:, columns]
             uvs[:, tip, 0] = 0.5 * (uvs[:, 1, 0] + uvs[:, (tip + 2) % 3 if tip == 0 else 0, 0])
-            corners = corners[:, kept]
+            corners = corners[:, columns]
             break
     faces.add(corners, uvs)
 

@@ -66,8 +66,8 @@ def moments(positions: F64, triangles: I64) -> Moments:
 
     origin = 0.5 * (positions.min(axis=0) + positions.max(axis=0))
     with np.errstate(all="ignore"):
-        found = trimesh.triangles.mass_properties((positions - origin)[triangles])
-    return Moments(np.asarray(found.volume), origin + found.center_mass, np.asarray(found.inertia))
+        properties = trimesh.triangles.mass_properties((positions - origin)[triangles])
+    return Moments(np.asarray(properties.volume), origin + properties.center_mass, np.asarray(properties.inertia))
 
 
 def connected_vertices(count: int, triangles: np.ndarray) -> I64:
@@ -150,7 +150,7 @@ def _passes(edges: F64, faces: F64, margin: float) -> np.ndarray:
     flat = length <= 0.0
     unit = normal / np.where(flat, 1.0, length)[:, None]
     height = np.einsum("nkc,nc->nk", edges - a[:, None], unit)
-    found = np.zeros(len(faces), bool)
+    passes = np.zeros(len(faces), bool)
     for i, j in ((0, 1), (1, 2), (2, 0)):
         across = (np.minimum(height[:, i], height[:, j]) < -margin) & (np.maximum(height[:, i], height[:, j]) > margin) & ~flat
         rows = np.flatnonzero(across)
@@ -158,8 +158,8 @@ def _passes(edges: F64, faces: F64, margin: float) -> np.ndarray:
         point = edges[rows, i] + share * (edges[rows, j] - edges[rows, i]) - a[rows]
         s = np.einsum("nc,nc->n", np.cross(point, v[rows]), normal[rows]) / length[rows] ** 2
         t = np.einsum("nc,nc->n", np.cross(u[rows], point), normal[rows]) / length[rows] ** 2
-        found[rows] |= (s > _MARGIN) & (t > _MARGIN) & (s + t < 1.0 - _MARGIN)
-    return found
+        passes[rows] |= (s > _MARGIN) & (t > _MARGIN) & (s + t < 1.0 - _MARGIN)
+    return passes
 
 
 def counted_twice(positions: F64, triangles: I64) -> int:
@@ -174,11 +174,11 @@ def counted_twice(positions: F64, triangles: I64) -> int:
         return 0
     wrong = 0
     for body in bodies.tolist():
-        own = label == body
-        corners = positions[triangles[own]]
+        of_body = label == body
+        corners = positions[triangles[of_body]]
         a, b, c = (corners[:, k] - corners[0, 0] for k in range(3))
         outward = float(np.einsum("ij,ij->", a, np.cross(b, c))) > 0.0
-        around = round(winding_number(positions[triangles[~own]] - corners[0].mean(axis=0)))
+        around = round(winding_number(positions[triangles[~of_body]] - corners[0].mean(axis=0)))
         wrong += around != (0 if outward else 1)
     return wrong
 

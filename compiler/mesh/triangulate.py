@@ -50,18 +50,18 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
     counts = np.asarray(counts, dtype=np.int64)
     indices = np.asarray(indices, dtype=np.int64)
     firsts = np.cumsum(counts) - counts
-    made: list[tuple[np.ndarray, np.ndarray]] = []
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
     dropped = int(np.count_nonzero(counts < 3))
     for n in np.unique(counts[counts >= 3]):
         rows = np.flatnonzero(counts == n)
         corners = firsts[rows][:, None] + np.arange(n)
         if n <= FEW and (simple := _simple(points, indices, corners)) is not None:
-            solid, whole = simple
-            made.append((_fan(corners[whole], 0).reshape(-1, 3), np.repeat(rows[whole], n - 2)))
+            solid, covered = simple
+            parts.append((_fan(corners[covered], 0).reshape(-1, 3), np.repeat(rows[covered], n - 2)))
             if n == 3:
                 dropped += int(np.count_nonzero(~solid))
                 continue
-            rows, corners = rows[~whole], corners[~whole]
+            rows, corners = rows[~covered], corners[~covered]
             if not len(rows):
                 continue
         shape = points[indices[corners]]
@@ -72,13 +72,13 @@ def faces(points: F64, indices: I32 | I64, counts: I32 | I64) -> Cut:
             solid = np.linalg.norm(normal, axis=1) > FLAT * extent**2
         lost = _crossing(shape, ~solid, extent) if n > 3 else []
         dropped += int(np.count_nonzero(~solid)) - len(lost)
-        made += _fans(shape, normal, solid, rows, corners, points, indices)
-        made += [(_fan(corners[k : k + 1], 0)[0], np.full(n - 2, rows[k])) for k in lost]
-    if not made:
+        parts += _fans(shape, normal, solid, rows, corners, points, indices)
+        parts += [(_fan(corners[k : k + 1], 0)[0], np.full(n - 2, rows[k])) for k in lost]
+    if not parts:
         return Cut(np.zeros((0, 3), np.int32), np.zeros(0, np.int32), dropped)
-    triangles = np.concatenate([m[0] for m in made])
-    owners = np.concatenate([m[1] for m in made])
-    if len(made) > 1:
+    triangles = np.concatenate([m[0] for m in parts])
+    owners = np.concatenate([m[1] for m in parts])
+    if len(parts) > 1:
         order = np.argsort(owners, kind="stable")
         triangles, owners = triangles[order], owners[order]
     return Cut(triangles.astype(np.int32), owners.astype(np.int32), dropped)
@@ -101,8 +101,8 @@ def _simple(points: F64, indices: np.ndarray, corners: np.ndarray) -> tuple[np.n
         if not ((square[solid] > _LEAST).all() and np.isfinite(square).all()):
             return None
         least = 1e-9 * square
-        whole = solid if len(areas) == 1 else functools.reduce(np.logical_and, (_dot(area, normal) > least for area in areas), solid)
-    return solid, whole
+        covered = solid if len(areas) == 1 else functools.reduce(np.logical_and, (_dot(area, normal) > least for area in areas), solid)
+    return solid, covered
 
 
 def _cross(u: F64, v: F64) -> F64:
@@ -133,23 +133,23 @@ def _fans(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Triangles and rows of faces of equal size: fans from the first apex with a view of all corners, ear clipping otherwise."""
     n = corners.shape[1]
-    made = []
-    left = np.flatnonzero(solid)
+    parts = []
+    remaining = np.flatnonzero(solid)
     for apex in range(1 if n == 3 else n if n <= FAN_APEXES else 1):
-        if not len(left):
+        if not len(remaining):
             break
-        spokes = np.roll(shape[left], -apex, axis=1)
+        spokes = np.roll(shape[remaining], -apex, axis=1)
         spokes = spokes[:, 1:] - spokes[:, :1]
-        doubled = np.einsum("kni,ki->kn", np.cross(spokes[:, :-1], spokes[:, 1:]), normal[left])
-        whole = (doubled > 1e-9 * np.einsum("ki,ki->k", normal[left], normal[left])[:, None]).all(axis=1)
-        taken = left[whole]
+        doubled = np.einsum("kni,ki->kn", np.cross(spokes[:, :-1], spokes[:, 1:]), normal[remaining])
+        covered = (doubled > 1e-9 * np.einsum("ki,ki->k", normal[remaining], normal[remaining])[:, None]).all(axis=1)
+        taken = remaining[covered]
         if len(taken):
-            made.append((_fan(corners[taken], apex).reshape(-1, 3), np.repeat(rows[taken], n - 2)))
-        left = left[~whole]
-    for k in left:
+            parts.append((_fan(corners[taken], apex).reshape(-1, 3), np.repeat(rows[taken], n - 2)))
+        remaining = remaining[~covered]
+    for k in remaining:
         ears = _ears(points[indices[corners[k]]], [n], normal[k])
-        made.append((corners[k][ears], np.full(len(ears), rows[k])))
-    return made
+        parts.append((corners[k][ears], np.full(len(ears), rows[k])))
+    return parts
 
 
 def _crossing(shape: F64, flat: np.ndarray, extent: F64) -> list[int]:

@@ -62,9 +62,9 @@ def _check_corners(path: F64, closed: bool) -> None:
     ways, _ = _legs(path, closed)
     turns = (ways * np.roll(ways, 1, axis=0)).sum(axis=1)[0 if closed else 1 :]
     if len(turns) and turns.min() < math.cos(SHARPEST):
-        at = path[int(np.argmin(turns)) + (0 if closed else 1)]
+        corner = path[int(np.argmin(turns)) + (0 if closed else 1)]
         degrees = math.degrees(math.acos(max(-1.0, float(turns.min()))))
-        where = ", ".join(f"{float(c) + 0.0:.4g}" for c in at)
+        where = ", ".join(f"{float(c) + 0.0:.4g}" for c in corner)
         hint = 'add a point beside the corner, or write kind: "catmull_rom"'
         raise TubeError(f"the curve turns back by {degrees:.0f}° at [{where}] m: no corner joins these tubes", hint)
 
@@ -113,15 +113,15 @@ def _divided(path: F64, radii: F64) -> tuple[F64, F64]:
 
 def _transported(ways: F64) -> F64:
     """(n, 3) vectors perpendicular to directions: each is the one before, turned as the direction turns (Bishop 1975)."""
-    made = [_perpendicular(ways[0])]
+    normals = [_perpendicular(ways[0])]
     for before, after in itertools.pairwise(ways):
         total = before + after
         # The rotation that takes `before` to `after`, as two reflections.
-        last = made[-1]
+        last = normals[-1]
         turned = last - total * (2 * (total @ last) / (total @ total))
         turned = turned - after * (turned @ after)
-        made.append(turned / np.linalg.norm(turned))
-    return np.array(made)
+        normals.append(turned / np.linalg.norm(turned))
+    return np.array(normals)
 
 
 def _dome(center: F64, ring: F64, top: F64) -> F64:

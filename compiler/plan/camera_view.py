@@ -27,7 +27,7 @@ def warn_of_cameras(scene: ir.Scene, diagnostics: Diagnostics, is_whole: bool = 
     named = scene.settings.camera
     camera = scene.names.cameras.index(named) if named and named in scene.names.cameras else 0
     bounds = tables.geometries.bounds[tables.instances.geometry]
-    span = scene.spans.at("cameras", camera)
+    span = scene.spans.get("cameras", camera)
     if _sees_nothing(tables, camera, bounds):
         where = "the shape is" if count == 1 else f"all {count:,} shapes are"
         diagnostics.warning(f"the camera sees no shape: {where} behind it or outside of its view", span, _middle(tables, bounds))
@@ -93,7 +93,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
     boxes, remaining = instance_boxes(tables, bounds, np.eye(4)[:3]), MOST_TRIANGLES
     around = np.asarray(((boxes[:, 0] < eye) & (boxes[:, 1] > eye) & np.isfinite(boxes).all(axis=1)).all(axis=1))
     shines = (materials.values[:, ir.Slot.EMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.EMISSION] >= 0)
-    lamps = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))
+    lights = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))
     for row in enclosed_lights.opaque(tables).tolist():
         if not around[row] or shines[instances.material[row]] or not instances.visible[row] & ir.Visibility.CAMERA:
             continue
@@ -105,7 +105,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
         remaining -= int(tables.geometries.triangle_count[instances.geometry[row]])
         if others.any() or remaining < 0:
             continue
-        points = [enclosed_lights.corners(tables, int(lamp)) for lamp in lamps]
+        points = [enclosed_lights.corners(tables, int(light)) for light in lights]
         if any(((point > low) & (point < high)).all(axis=1).any() for point in points):
             continue
         inverse = tables.transforms.inverse[instances.transform[row]]

@@ -64,7 +64,7 @@ def _tell(scene: ir.Scene, diagnostics: Diagnostics, rows: tuple[int, int], axis
     names = [scene.names.instances[row] for row in (first, second)]
     what = f"`{names[0]}` and `{names[1]}`" if names[0] != names[1] else f"two shapes `{names[0]}`"
     message = f"{what} have faces in one place, at {axis} = {offset:.4g}: which of them is seen is chance"
-    diagnostics.warning(message, scene.spans.at("instances", second), "move one of them by a millimetre, or make a union of them")
+    diagnostics.warning(message, scene.spans.get("instances", second), "move one of them by a millimetre, or make a union of them")
 
 
 def _overlap(first: Face, second: Face) -> bool:

@@ -24,7 +24,7 @@ class UnusedEmission(NamedTuple):
 
     def diagnostic(self, scene: ir.Scene) -> Diagnostic:
         """The note at the first shape's place."""
-        return Diagnostic("note", self.message, scene.spans.at("instances", self.instance), self.hint)
+        return Diagnostic("note", self.message, scene.spans.get("instances", self.instance), self.hint)
 
 
 def without_effect(scene: ir.Scene, plan: Plan) -> UnusedEmission | None:

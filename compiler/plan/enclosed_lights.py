@@ -53,7 +53,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
                 return
             if inside(tables, g, around[k]).all():
                 hint = "move it out, or make that of glass, or write `shadows: false`"
-                span = scene.spans.at("lights", int(rows[k]))
+                span = scene.spans.get("lights", int(rows[k]))
                 diagnostics.warning("this lamp is inside of an opaque solid: nothing outside is lit by it", span, hint)
 
 

@@ -25,8 +25,8 @@ def bounces(scene: ir.Scene, camera: int) -> tuple[int, str]:
     tables = scene.tables
     if not tables.instances.geometry.size:
         return 0, "there are no objects"
-    matt = traits.diffuse(tables)
-    if not matt[tables.instances.material].any():
+    diffuse = traits.diffuse(tables)
+    if not diffuse[tables.instances.material].any():
         return 0, "no surface is diffuse"
     if ir.is_in(tables.lights.kind, AMBIENT).any():
         return 0, "ambient light stands for light that bounces"
@@ -38,7 +38,7 @@ def bounces(scene: ir.Scene, camera: int) -> tuple[int, str]:
     seen = float(np.mean(escapes))
     if seen > OPEN:
         return 0, f"the camera stands in the open: {100.0 * seen:.3g} % of all directions around it have no wall"
-    shown = matt[tables.instances.material[row]] & ~escapes
+    shown = diffuse[tables.instances.material[row]] & ~escapes
     if float(np.mean(shown)) < MATT:
         return 0, f"diffuse surfaces fill {100.0 * float(np.mean(shown)):.2g} % of the view around the camera"
     albedo = float(np.mean(traits.albedo(tables)[tables.instances.material[row[~escapes]]]))

@@ -40,8 +40,8 @@ def find_camera(names: tuple[str, ...], wanted: str) -> int:
     for row, name in enumerate(names):
         if wanted in (name, name.rsplit("/", 1)[-1]):
             return row
-    there = ", ".join(f"`{n}`" for n in names if n) or "none with a name"
-    raise PlanError(f"no camera is called `{wanted}`; the scene has: {there}. {suggest(wanted, names)}".strip())
+    names_with_text = ", ".join(f"`{n}`" for n in names if n) or "none with a name"
+    raise PlanError(f"no camera is called `{wanted}`; the scene has: {names_with_text}. {suggest(wanted, names)}".strip())
 
 
 def _lens(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:

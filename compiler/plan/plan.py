@@ -12,8 +12,6 @@ from .. import ir
 from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules
 from .decision import Decision, Plan, PlanError, Rule, override
 
-UNSEEN = 0.02  # of a place's light, that may be missing where no error was asked for
-
 # A rule may read the decisions of the rules before it.
 RULES: tuple[Rule, ...] = (
     *scene_rules.BACKEND,
@@ -70,7 +68,7 @@ def unused_cameras(scene: ir.Scene, plan: Plan) -> list[Diagnostic]:
     several = f"none of the stage's {len(cameras)} cameras is used: none is"
     has = "the stage's camera is not used: it is not" if len(cameras) == 1 else several
     message = f"{has} called `main_cam`, so that the picture frames everything, as usdrecord does"
-    return [Diagnostic("note", message, scene.spans.at("cameras", 1), takes)]
+    return [Diagnostic("note", message, scene.spans.get("cameras", 1), takes)]
 
 
 def default_notes(scene: ir.Scene) -> list[Diagnostic]:

@@ -15,8 +15,8 @@ LARGE = 100.0  # metres: between opposite sides of the bounds of all shapes, and
 def warn_of_large_scene(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     """Warn of a scene of LARGE metres, seen from LARGE metres away. Its file names no unit of length.
 
-    Unbounded shapes do not count. Files of meshes and stages have units of their own: a scene that reads one is not told. A wide floor
-    with a camera near it is no such scene.
+    Unbounded shapes do not count. Files of meshes and stages have units of their own: a scene that reads one gets no note. A wide floor
+    with a camera near it is not such a scene.
     """
     tables = scene.tables
     if not len(tables.instances.geometry) or not len(tables.cameras.transform):

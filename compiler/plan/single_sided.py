@@ -19,7 +19,7 @@ import numpy as np
 from ...materials import traits
 from ...materials.contract import Lobes
 from .. import ir
-from ..ir import F32, F64, I32, Bool
+from ..ir import F64, I32, Bool
 from ..ir.single_sided import SINGLE_SIDED
 from ..mesh.topology import connected_vertices, winding_number
 from ..scene.row_records import ALL_RAYS, NO_SHADOW
@@ -102,13 +102,13 @@ class _Mesh:
     @cached_property
     def corners(self) -> F64:
         """The corners (t, 3, 3) of its triangles."""
-        positions, triangles = self._arrays()
+        positions, triangles = ir.mesh_arrays(self._tables, self._g)
         return positions[triangles].astype(np.float64) + self._tables.geometries.origin[self._g]
 
     @cached_property
     def closed(self) -> bool:
         """Whether it is closed, with its front outside."""
-        positions, triangles = self._arrays()
+        positions, triangles = ir.mesh_arrays(self._tables, self._g)
         key = hashlib.blake2b(positions.tobytes() + triangles.tobytes()).digest()
         if key not in _closed:
             if len(_closed) == _MOST_KNOWN:
@@ -131,11 +131,6 @@ class _Mesh:
         low, high = self._tables.geometries.bounds[self._g]
         return bool(eye[3] and ((eye[:3] >= low) & (eye[:3] <= high)).all())
 
-    def _arrays(self) -> tuple[F32, I32]:
-        geometries, pools = self._tables.geometries, self._tables.pools
-        first, count = int(geometries.first_triangle[self._g]), int(geometries.triangle_count[self._g])
-        vertex, vertices = int(geometries.first_vertex[self._g]), int(geometries.vertex_count[self._g])
-        return pools.positions[vertex : vertex + vertices], pools.triangles[first : first + count] - np.int32(vertex)
 
 
 def _faces_eye(corners: F64, eye: F64) -> Bool:

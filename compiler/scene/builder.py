@@ -17,7 +17,7 @@ from ..io.sandbox import LIBRARY, Files
 from ..ir.light_links import CASTERS, EVERYTHING
 from ..ir.single_sided import SINGLE_SIDED
 from . import link_sets, mesh_storage, row_tables, shape_bounds, transforms
-from .instance_rows import InstanceNames, InstanceRows
+from .instance_rows import GEOMETRY, LIGHT, MATERIAL, TRANSFORM, VISIBLE, InstanceNames, InstanceRows
 from .row_records import (
     ALL_RAYS,
     BLACK,
@@ -42,6 +42,7 @@ _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
     False: ("the transform of this has numbers that are not finite", ""),
 }
+_BOUNDS, _VALUES = ir.Geometries._fields.index("bounds"), ir.Materials._fields.index("values")  # columns
 _CHUNK = 1 << 16  # copies that are added at once: their temporaries stay small
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
@@ -265,8 +266,8 @@ class SceneBuilder:
             self._matrices.append(affine[good])
             self._inverses.append(inverses[good])
             rows = np.full((count, len(ir.Instances._fields)), NONE, np.int32)
-            rows[:, 0], rows[:, 1], rows[:, 2] = geometry, self._places + np.arange(count), materials[first : first + _CHUNK][good]
-            rows[:, 4] = ALL_RAYS
+            rows[:, GEOMETRY], rows[:, TRANSFORM] = geometry, self._places + np.arange(count)
+            rows[:, MATERIAL], rows[:, VISIBLE] = materials[first : first + _CHUNK][good], ALL_RAYS
             self._places += count
             self._instances.block(rows)
             valid.append(ids[first : first + _CHUNK][good])
@@ -366,16 +367,16 @@ class SceneBuilder:
 
     def bounds(self, geometry: int, matrix: np.ndarray) -> np.ndarray:
         """(2, 3) bounds of a geometry under a matrix; ±inf for an unbounded one."""
-        return shape_bounds.boxes_under(np.array([self._rows["geometries"][geometry][2]]), np.asarray(matrix)[None, :3])[0]
+        return shape_bounds.boxes_under(np.array([self._rows["geometries"][geometry][_BOUNDS]]), np.asarray(matrix)[None, :3])[0]
 
     def world_bounds(self) -> np.ndarray | None:
         """(2, 3) bounds of all bounded instances within a camera's reach; None without any."""
         rows = self._instances.table()
-        local, (matrices, _) = np.array([row[2] for row in self._rows["geometries"]]), self._joined()
+        local, (matrices, _) = np.array([row[_BOUNDS] for row in self._rows["geometries"]]), self._joined()
         extents = []
         for first in range(0, len(rows), _CHUNK):
             chosen = rows[first : first + _CHUNK]
-            boxes = shape_bounds.boxes_under(local[chosen[:, 0]], matrices[chosen[:, 1]])
+            boxes = shape_bounds.boxes_under(local[chosen[:, GEOMETRY]], matrices[chosen[:, TRANSFORM]])
             bounded = boxes[(np.abs(boxes) < FRAMED).all(axis=(1, 2))]
             if len(bounded):
                 extents.append(np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]))
@@ -383,9 +384,8 @@ class SceneBuilder:
 
     def shines(self) -> bool:
         """Whether some instance's material emits light."""
-        values = ir.Materials._fields.index("values")
-        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[values][ir.Slot.EMISSION])}
-        return bool(np.isin(self._instances.table()[:, 2], list(emitting)).any())
+        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[_VALUES][ir.Slot.EMISSION])}
+        return bool(np.isin(self._instances.table()[:, MATERIAL], list(emitting)).any())
 
     def count(self, table: str) -> int:
         """Number of rows of a table so far."""
@@ -401,13 +401,13 @@ class SceneBuilder:
     def finish(self, name: str = "", **about: Any) -> ir.Scene:
         """The scene, with a default material and links of area lights to their shapes. `about` are further fields of ir.Scene."""
         instances = self._instances.table().copy()
-        if (instances[:, 2] < 0).any():
-            instances[instances[:, 2] < 0, 2] = self.default_material()
-        instances[row_tables.is_clear(self._rows["materials"])[instances[:, 2]], 4] &= ~ir.Visibility.SHADOW
-        shape_of = {int(instances[index, 3]): index for index in np.flatnonzero(instances[:, 3] >= 0).tolist()}
+        if (instances[:, MATERIAL] < 0).any():
+            instances[instances[:, MATERIAL] < 0, MATERIAL] = self.default_material()
+        instances[row_tables.is_clear(self._rows["materials"])[instances[:, MATERIAL]], VISIBLE] &= ~ir.Visibility.SHADOW
+        shape_of = {int(instances[index, LIGHT]): index for index in np.flatnonzero(instances[:, LIGHT] >= 0).tolist()}
         place = ir.Lights._fields.index("instance")
         lights = [(*row[:place], shape_of.get(index, NONE), *row[place + 1 :]) for index, row in enumerate(self._rows["lights"])]
-        instances[np.isin(instances[:, 0], list(self.single_sided)), 4] |= SINGLE_SIDED
+        instances[np.isin(instances[:, GEOMETRY], list(self.single_sided)), VISIBLE] |= SINGLE_SIDED
         tables = {table: ir.table_of(table, row_tables.columns(table, rows)) for table, rows in (self._rows | {"lights": lights}).items()}
         tables["instances"] = ir.table_of("instances", dict(zip(ir.Instances._fields, instances.T, strict=True)))
         tables["transforms"] = self._transforms()

@@ -45,7 +45,8 @@ class Check:
         names = getattr(self.scene.names, table, ())
         name = f" `{names[where[0]]}`" if where[0] < len(names) and names[where[0]] else ""
         what = f"{_SINGULAR.get(table, table)}{name}: {message}{more}"
-        (self.diagnostics.error if severity == "error" else self.diagnostics.warning)(what, self.scene.spans.at(table, int(where[0])), hint)
+        report = self.diagnostics.error if severity == "error" else self.diagnostics.warning
+        report(what, self.scene.spans.get(table, int(where[0])), hint)
         self.errors += severity == "error"
         return True
 

@@ -9,6 +9,7 @@ import numpy as np
 from .. import ir
 from ..ir import I32, I64
 
+GEOMETRY, TRANSFORM, MATERIAL, LIGHT, VISIBLE = map(ir.Instances._fields.index, ("geometry", "transform", "material", "light", "visible"))
 Row = tuple[int, ...]
 _LISTED = 10_000  # up to so many copies, each has a name of its own in memory
 

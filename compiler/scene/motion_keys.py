@@ -209,11 +209,11 @@ def _warn_of_other_changes(scene: ir.Scene, others: list[ir.Scene], diagnostics:
     end = "while the shutter is open: it is drawn as it is at the opening"
     for table, columns, what in _NOT_BLURRED:
         for row in _changed(scene, others, table, columns):
-            diagnostics.warning(f"{what} {end}", scene.spans.at(table, row))
+            diagnostics.warning(f"{what} {end}", scene.spans.get(table, row))
     shapes = [_shapes(s) for s in (scene, *others)]
     for row in range(len(shapes[0])):
         if any(other[row] != shapes[0][row] for other in shapes[1:]):
-            diagnostics.warning(f"this changes its shape {end}", scene.spans.at("instances", row), "its place, turn and scale may change")
+            diagnostics.warning(f"this changes its shape {end}", scene.spans.get("instances", row), "its place, turn and scale may change")
 
 
 def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple[str, ...]) -> Iterator[int]:

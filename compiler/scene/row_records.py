@@ -218,8 +218,8 @@ DEFAULT_MATERIAL = "default"  # the name of the material of surfaces without one
 
 def lambert(albedo: Color, texture: int = -1, name: str = "") -> MaterialData:
     """A diffuse material: k_a = k_d = albedo, times a texture."""
-    matt = Input(albedo, texture)
-    return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: matt, ir.Slot.DIFFUSE: matt}, name=name)
+    reflectance = Input(albedo, texture)
+    return MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.AMBIENT: reflectance, ir.Slot.DIFFUSE: reflectance}, name=name)
 
 
 def default_material() -> MaterialData:

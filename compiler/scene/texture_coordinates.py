@@ -25,4 +25,4 @@ def warn_of_missing_coordinates(scene: ir.Scene, diagnostics: Diagnostics) -> No
         return
     name, more = scene.names.instances[lost[0]], f" (and {len(lost) - 1} more)" if len(lost) > 1 else ""
     message = f"`{name}` has a material with pictures and no texture coordinates: each picture shows one texel{more}"
-    diagnostics.warning(message, scene.spans.at("instances", int(lost[0])))
+    diagnostics.warning(message, scene.spans.get("instances", int(lost[0])))

@@ -130,7 +130,7 @@ def _references(check: Check) -> None:
         if not len(values):
             continue
         wrong = (values < (-1 if optional else 0)) | (values >= check.rows(target))
-        check.bad(table, wrong if wrong.ndim == 1 else wrong.any(axis=1), f"its {column} is no row of {target}")
+        check.bad(table, wrong if wrong.ndim == 1 else wrong.any(axis=1), f"its {column} is not a row of {target}")
     for table, column, kinds in _CHOICES:
         values = check.tables[table][column]
         if not len(values):
@@ -213,7 +213,7 @@ def _keys(check: Check) -> None:
         return
     check.bad("transforms", moving & ((count < 2) | (first.astype(np.int64) + count > check.rows("keys"))), "its keys are not there")
     check.bad("transforms", ~moving & (count != 0), "it has keys and does not move")
-    check.bad("keys", ~(np.abs(np.linalg.norm(keys["turn"], axis=1) - 1.0) < 1e-6), "its turn is no unit quaternion")
+    check.bad("keys", ~(np.abs(np.linalg.norm(keys["turn"], axis=1) - 1.0) < 1e-6), "its turn is not a unit quaternion")
     determinants = np.linalg.det(keys["stretch"])
     for row in np.flatnonzero(moving).tolist() if not check.errors else ():
         signs = np.sign(determinants[first[row] : first[row] + count[row]])

@@ -46,8 +46,8 @@ def _valid_code(code: np.ndarray, numbers: int, results: np.ndarray) -> bool:
         return False
     used = np.arange(3) < _ARITY[code[:, 0]][:, None]
     operands = code[:, 1:]
-    there = (operands >= -numbers) & (operands < INPUTS + np.arange(len(code))[:, None])
-    return bool(there[used].all() and ((results >= -numbers) & (results < INPUTS + len(code))).all())
+    defined = (operands >= -numbers) & (operands < INPUTS + np.arange(len(code))[:, None])
+    return bool(defined[used].all() and ((results >= -numbers) & (results < INPUTS + len(code))).all())
 
 
 def _finite(table: dict[str, np.ndarray], constants: np.ndarray, row: int) -> bool:

@@ -164,7 +164,7 @@ def _quaternion(scope: Scope, *parts: Value) -> Value:
         if not isinstance(p, float):
             raise Mistake(f"expected number, got {describe(p)}", argument=i)
     if not any(parts):
-        raise Mistake("a quaternion of length 0 is no rotation")
+        raise Mistake("a quaternion of length 0 is not a rotation")
     return Quaternion(*parts)
 
 

@@ -37,7 +37,7 @@ class PictureSetting:
 
 def _whole(name: str, minimum: int, maximum: int, doc: str, help: str) -> PictureSetting:
     arg = Arg(name, "int", None, doc, minimum=minimum, maximum=maximum, keyword=True) if doc else None
-    return PictureSetting(name, values.whole(minimum, maximum), "int", help, arg, (minimum, maximum))
+    return PictureSetting(name, values.whole_number(minimum, maximum), "int", help, arg, (minimum, maximum))
 
 
 def _choice(name: str, choices: tuple[str, ...], doc: str, help: str) -> PictureSetting:

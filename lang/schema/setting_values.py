@@ -57,7 +57,7 @@ def number(value: Any, message: str) -> float | units.Quantity:
     return read
 
 
-def whole(minimum: int, maximum: int) -> Reader:
+def whole_number(minimum: int, maximum: int) -> Reader:
     """A reader of whole numbers within these limits, which are included."""
 
     def read(value: Any) -> int:

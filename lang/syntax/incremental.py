@@ -54,7 +54,7 @@ class _SegmentTable:
     def add(self, part: str, segment: Segment) -> None:
         self._segments.setdefault(part, {})[segment.line] = segment
 
-    def at(self, part: str, line: int) -> Iterator[Segment]:
+    def starting(self, part: str, line: int) -> Iterator[Segment]:
         """The segment that begins with `part` in `line`, and one in another line."""
         if lines := self._segments.get(part):
             if line in lines:
@@ -74,7 +74,7 @@ class _Cut:
         k, line = 0, 1
         while k < self.last:
             part = self._part(k, k + 1)
-            segment, end = self._reused(k, line, before.at(part, line)) or self._parsed(k, line)
+            segment, end = self._reused(k, line, before.starting(part, line)) or self._parsed(k, line)
             if segment is None:
                 break
             self.table.add(part, segment)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from ..diagnostics import Diagnostics, Span
+from ..plain_values import counted
 from . import ast
 from .grammar import Token, grammar
 
@@ -184,7 +185,7 @@ def _open_string(token: Token, file: str, diagnostics: Diagnostics) -> Token:
 def _block_comment(token: Token, file: str, diagnostics: Diagnostics) -> ast.Comment:
     span = span_of(token, file)
     opening = Span(file, span.line, span.column, span.line, span.column + 2)
-    diagnostics.error("`/* … */` is no comment here", opening, "begin each line of a comment with `//`")
+    diagnostics.error("`/* … */` is not a comment here", opening, "begin each line of a comment with `//`")
     return ast.Comment(span, str(token).rstrip())
 
 
@@ -213,7 +214,7 @@ def _bad_color(token: Token, file: str, diagnostics: Diagnostics) -> Token:
     hint = "a colour is #rgb or #rrggbb"
     if re.fullmatch("#[0-9a-fA-F]{8}", token):
         hint = f"write {token[:7]}; `opacity` of the material takes the place of the last two digits"
-    what = "has a letter that is no hexadecimal digit" if re.search("[g-zG-Z]", token) else f"has {_count(len(token) - 1, 'digit')}"
+    what = "has a letter that is not a hexadecimal digit" if re.search("[g-zG-Z]", token) else f"has {counted(len(token) - 1, 'digit')}"
     diagnostics.error(f"the colour `{token}` {what}", span_of(token, file), hint)
     return token.update("COLOR", "#000")
 
@@ -230,10 +231,6 @@ def _unknown(token: Token, file: str, diagnostics: Diagnostics) -> Token | None:
         return replacement  # the second of a pair, or one of a sequence
     diagnostics.error(f"the language has no {shown}", span_of(token, file), hint)
     return replacement
-
-
-def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
 _MISTAKES = {

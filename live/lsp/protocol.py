@@ -62,7 +62,7 @@ def fault(params: Any) -> str:
         elif name in _SHARES and (isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1):
             return f"`{name}` is a number from 0 to 1"
         elif isinstance(value, float) and not math.isfinite(value):
-            return f"`{name}` is no number of JSON"
+            return f"`{name}` is not a number of JSON"
         elif isinstance(value, int) and abs(value) > MOST:
             return f"`{name}` is more than {MOST}"
     return ""

@@ -56,8 +56,8 @@ def _single_plane(scene: ir.Scene, plan: Plan) -> ConstantPicture | None:
     values = materials.values[material]
     sends_on = values[[ir.Slot.REFLECTION, ir.Slot.TRANSMISSION]].max() > 0
     shines = values[ir.Slot.EMISSION].max() > 0
-    matt = traits.has(tables, Lobes.CLASSIC)[material] and values[ir.Slot.SPECULAR].max() == 0
-    if not matt or sends_on or shines or (materials.textures[material] >= 0).any() or instances.light[0] >= 0:
+    diffuse = traits.has(tables, Lobes.CLASSIC)[material] and values[ir.Slot.SPECULAR].max() == 0
+    if not diffuse or sends_on or shines or (materials.textures[material] >= 0).any() or instances.light[0] >= 0:
         return None
     seen = _visible_side(tables, plan)
     if seen == 0:

@@ -60,15 +60,15 @@ def _light(scene: ir.Scene, settings: ir.Settings) -> tuple[int | None, dict[str
     materials = scene.tables.materials
     specular = bool(traits.specular(scene.tables).any())
     lit = ~traits.has(scene.tables, Lobes.EMISSION)
-    matt = float(materials.values[lit, ir.Slot.DIFFUSE].max(initial=0.0))
+    diffuse = float(materials.values[lit, ir.Slot.DIFFUSE].max(initial=0.0))
     if ir.is_in(scene.tables.lights.kind, AMBIENT).any():
         alone = {"interreflection": "off"} if scene_plan["interreflection"] else {}
         how = "none between matt surfaces: ambient light stands for it"
         if not specular:
             return 0, alone, f"interreflection: {how}"
         return SPECULAR_DEPTH, {"interreflection": "off"}, f"{SPECULAR_DEPTH} bounces at mirrors and glass, {how}"
-    if matt > 0.0:
-        depth = max(_depth(matt), SPECULAR_DEPTH if specular else 0)
+    if diffuse > 0.0:
+        depth = max(_depth(diffuse), SPECULAR_DEPTH if specular else 0)
         return depth, {}, f"interreflection to {depth} bounces"
     if specular:
         return SPECULAR_DEPTH, {}, f"{SPECULAR_DEPTH} bounces at mirrors and glass"

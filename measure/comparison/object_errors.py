@@ -129,7 +129,7 @@ def _identify(a: Side, b: Side, owner: int) -> tuple[str, Span | None]:
     scene = side.scene if side.scene is not None else (a if side is b else b).scene
     if scene is None or row >= len(scene.tables.instances.geometry):
         return f"instance {row}", None
-    return scene_diff.label(scene, "instances", row), scene.spans.at("instances", row)
+    return scene_diff.label(scene, "instances", row), scene.spans.get("instances", row)
 
 
 def outline_mask(side: Side) -> NDArray[np.bool_] | None:

@@ -1,6 +1,6 @@
 """Compares the tables of two versions of a scene: added, removed and changed rows, and the pairing of rows.
 
-Rows are paired by equal content, then by unique names, then in order within a kind. A reference to a changed row is no change: a sphere
+Rows are paired by equal content, then by unique names, then in order within a kind. A reference to a changed row is not a change: a sphere
 whose material has another colour is unchanged.
 """
 
@@ -93,7 +93,7 @@ def label(scene: ir.Scene, table: str, row: int) -> str:
     else:
         kind = table.removesuffix("s")
     name = names[row] if row < len(names) else ""
-    span = scene.spans.at(table, row)
+    span = scene.spans.get(table, row)
     needless = not name or name in kind.split() or (span is not None and f"<{name}>" in span.file)
     return kind if needless else f"{kind} `{name}`"
 
@@ -164,9 +164,8 @@ def _content(scene: ir.Scene, table: str, row: int) -> dict[str, np.ndarray]:
 
 def _mesh(tables: ir.Tables, row: int) -> dict[str, np.ndarray]:
     g, pools = tables.geometries, tables.pools
-    v, n = int(g.first_vertex[row]), int(g.vertex_count[row])
-    t, m = int(g.first_triangle[row]), int(g.triangle_count[row])
-    arrays = {"vertices": pools.positions[v : v + n] + g.origin[row], "triangles": pools.triangles[t : t + m] - v}
+    positions, triangles = ir.mesh_arrays(tables, row)
+    arrays = {"vertices": positions + g.origin[row], "triangles": triangles}
     for name in ("normals", "uvs", "colors"):
         attribute = int(getattr(g, name)[row])
         if attribute >= 0:
@@ -188,9 +187,9 @@ def _match(a: ir.Scene, b: ir.Scene, table: str, from_a: list[bytes], from_b: li
         counts = Counter(key(a, from_a, row) for row in left_a) if once else {}
         for row in left_a:
             mine = key(a, from_a, row)
-            there = waiting.get(mine, [])
-            if mine is not None and there and not (once and (counts[mine] > 1 or len(there) > 1)):
-                pairs[row] = there.pop(0)
+            partners = waiting.get(mine, [])
+            if mine is not None and partners and not (once and (counts[mine] > 1 or len(partners) > 1)):
+                pairs[row] = partners.pop(0)
         left_a[:] = [row for row in left_a if row not in pairs]
         used = set(pairs.values())
         left_b[:] = [row for row in left_b if row not in used]
@@ -222,11 +221,11 @@ def _row_changes(
     changes = []
     for row in range(_count(b, table)):
         if row not in back:
-            changes.append(Change("added", table, row, label(b, table, row), b.spans.at(table, row)))
+            changes.append(Change("added", table, row, label(b, table, row), b.spans.get(table, row)))
         elif digests[0][table][back[row]] != digests[1][table][row] and (cells := _cells(a, b, table, back[row], row, pairs)):
-            changes.append(Change("changed", table, row, label(b, table, row), b.spans.at(table, row), cells))
+            changes.append(Change("changed", table, row, label(b, table, row), b.spans.get(table, row), cells))
     gone = (row for row in range(_count(a, table)) if row not in pairs[table])
-    return changes + [Change("removed", table, row, label(a, table, row), a.spans.at(table, row)) for row in gone]
+    return changes + [Change("removed", table, row, label(a, table, row), a.spans.get(table, row)) for row in gone]
 
 
 def _cells(a: ir.Scene, b: ir.Scene, table: str, row_a: int, row_b: int, pairs: Pairs) -> tuple[tuple[str, str, str], ...]:
@@ -257,7 +256,7 @@ def _plain_cells(scene: ir.Scene, table: str, row: int) -> dict[str, str]:
 
 def _target(scene: ir.Scene, table: str, row: int, column: str) -> str:
     """The label of a referenced row, with its source position."""
-    place = scene.spans.at(table, row) or f"row {row}"
+    place = scene.spans.get(table, row) or f"row {row}"
     return f"{label(scene, table, row).removeprefix(f'{column} ')} {place}" if row >= 0 else ""
 
 

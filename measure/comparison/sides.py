@@ -120,7 +120,7 @@ def render(
 ) -> Side:
     """Render a scene with a plan of `make_plan`. metadata["partial"] of the image is true if `cancel` ended it."""
     image = render_scene.draw(scene, plan, report, cancel)
-    notes = tuple(Diagnostic("note", message, scene.spans.at(table, row)) for message, table, row in image.metadata["notes"])
+    notes = tuple(Diagnostic("note", message, scene.spans.get(table, row)) for message, table, row in image.metadata["notes"])
     return Side(name or scene.name, image, _noise(plan, image), scene, plan, notes)
 
 

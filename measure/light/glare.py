@@ -23,7 +23,7 @@ from ...render.image import metrics
 from ...render.jit.packed_struct import Handle
 from . import illuminance, sensors
 from .illuminance import Value
-from .replicates import QUANTILE, Effort, Estimate, Sampler, told
+from .replicates import QUANTILE, Effort, Estimate, Sampler, as_estimate
 
 GROUPS = sensors.REPLICATES  # of points on a lamp, whose spread is the error
 POINTS = 512  # of a group
@@ -55,8 +55,8 @@ class Rating:
 
 def rate(scene: ir.Scene, settings: ir.Settings, effort: Effort) -> tuple[Rating, list[Diagnostic]]:
     """The rating at the camera of the settings, and what it leaves out. Raises ValueError for a camera without a perspective."""
-    asked = settings.over(scene.settings)
-    camera = planner.make_plan(scene, ir.Settings(camera=asked.camera))["camera"]
+    merged = settings.over(scene.settings)
+    camera = planner.make_plan(scene, ir.Settings(camera=merged.camera))["camera"]
     tables = scene.tables
     if tables.cameras.projection[camera] != ir.Projection.PERSPECTIVE:
         raise ValueError("a glare rating is that of an eye: the camera must be a perspective one")
@@ -94,7 +94,7 @@ def _background(scene: ir.Scene, eye: F64, effort: Effort) -> tuple[Value, list[
     sampler = Sampler(seen, ir.Settings(size=(1, 1), camera="0"), effort, {**illuminance.precision(scene, [meter]), "mis": "light"})
     total, sums = sampler.replicates(sensor.cameras, (1, 1))
     direct = sampler.direct(sensor.cameras, (1, 1), total.samples // GROUPS)
-    rest: Estimate = told(sums - direct)
+    rest: Estimate = as_estimate(sums - direct)
     lost = sampler.unbounced(sensor.cameras, (1, 1))
     mean = rest.mean if rest.mean > ROUNDING * total.mean else 0.0
     return Value(mean, rest.mean_error + lost * total.mean), illuminance.missing_light(scene, sampler)
@@ -108,14 +108,14 @@ def _shining(scene: ir.Scene) -> tuple[NDArray[np.int64], list[Diagnostic]]:
     for row in np.flatnonzero(ir.is_in(lights.kind, LIGHT_POINTS) & bright).tolist():
         name = scene.names.lights[row] or "a lamp"
         message = f"{name} is a point, which has no luminance: the glare rating leaves it out"
-        diagnostics.append(Diagnostic("note", message, scene.spans.at("lights", row), "a sphere of an emissive material has one"))
+        diagnostics.append(Diagnostic("note", message, scene.spans.get("lights", row), "a sphere of an emissive material has one"))
     used = tables.instances.material
     shines = traits.emissive(tables)[used]
     varied = shines & (tables.materials.textures[used, ir.Slot.EMISSION] >= 0)
     for row in np.flatnonzero(varied).tolist():
         name = scene.names.instances[row] if row < len(scene.names.instances) else "an object"
         message = f"the luminance of `{name}` varies over it: the glare rating takes its greatest"
-        diagnostics.append(Diagnostic("note", message, scene.spans.at("instances", row)))
+        diagnostics.append(Diagnostic("note", message, scene.spans.get("instances", row)))
     return np.flatnonzero(shines), diagnostics
 
 
@@ -130,8 +130,8 @@ def _source(scene: ir.Scene, part: Part, axes: F64, eye: F64, accel: Handle) -> 
     areas = 0.5 * np.linalg.norm(across, axis=1)
     random = np.random.default_rng(row)
     shift = random.random((GROUPS, 1, 3))
-    at, u, v = np.moveaxis((shift + np.arange(POINTS)[None, :, None] * np.array(sensors.STEPS)) % 1.0, 2, 0).reshape(3, -1)
-    chosen, u = np.minimum(np.searchsorted(np.cumsum(areas), at * areas.sum()), len(areas) - 1), np.sqrt(u)
+    area_sample, u, v = np.moveaxis((shift + np.arange(POINTS)[None, :, None] * np.array(sensors.STEPS)) % 1.0, 2, 0).reshape(3, -1)
+    chosen, u = np.minimum(np.searchsorted(np.cumsum(areas), area_sample * areas.sum()), len(areas) - 1), np.sqrt(u)
     points = np.einsum("ni,nij->nj", np.stack([1.0 - u, u * (1.0 - v), u * v], axis=1), corners[chosen])
     way = points - eye
     distance = np.linalg.norm(way, axis=1)

@@ -64,7 +64,7 @@ def read(scene: ir.Scene, meters: Sequence[ir.Meter], effort: Effort) -> tuple[l
     for k, sensor in enumerate(placed):
         sampler.effort = effort.share(len(placed) - k)
         readings.append(_read(sensor, sampler))
-    return readings, missing_light(scene, sampler) + [told for reading in readings for told in _dark(reading)]
+    return readings, missing_light(scene, sampler) + [note for reading in readings for note in _dark(reading)]
 
 
 def precision(scene: ir.Scene, meters: Sequence[ir.Meter]) -> dict[str, str]:
@@ -124,7 +124,7 @@ def missing_light(scene: ir.Scene, sampler: Sampler) -> list[Diagnostic]:
     ambient = np.flatnonzero(ir.is_in(scene.tables.lights.kind, AMBIENT))
     if len(ambient):
         message = "an ambient light has no direction: a meter receives only what other surfaces reflect of it"
-        warnings.append(Diagnostic("warning", message, scene.spans.at("lights", int(ambient[0])), "a sky lights meters, too"))
+        warnings.append(Diagnostic("warning", message, scene.spans.get("lights", int(ambient[0])), "a sky lights meters, too"))
     return warnings
 
 

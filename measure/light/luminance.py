@@ -36,9 +36,9 @@ def read(
     """The luminance of regions of the picture with these settings. Raises ValueError for one outside of it."""
     if not regions:
         return [], []
-    asked = settings.over(scene.settings)
-    plain = replace(scene, settings=ir.Settings(background=asked.background))
-    chosen = ir.Settings(size=asked.size, camera=asked.camera, background=asked.background)
+    merged = settings.over(scene.settings)
+    plain = replace(scene, settings=ir.Settings(background=merged.background))
+    chosen = ir.Settings(size=merged.size, camera=merged.camera, background=merged.background)
     plan = planner.make_plan(plain, chosen)
     width, height = plan["size"]
     for x0, y0, x1, y1 in regions:

@@ -20,8 +20,8 @@ UNOBSTRUCTED = 7.0 / 9.0 * math.pi * ZENITH  # lux on a level plane
 
 def read(scene: ir.Scene, meters: Sequence[ir.Meter], effort: Effort) -> tuple[list[illuminance.Reading], list[Diagnostic]]:
     """The readings of meters as daylight factors, shares of 1, and warnings. Raises sensors.MeterError."""
-    readings, told = illuminance.read(under_overcast_sky(scene), meters, effort)
-    return [reading.over(UNOBSTRUCTED) for reading in readings], told
+    readings, notes = illuminance.read(under_overcast_sky(scene), meters, effort)
+    return [reading.over(UNOBSTRUCTED) for reading in readings], notes
 
 
 def under_overcast_sky(scene: ir.Scene) -> ir.Scene:

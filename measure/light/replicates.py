@@ -70,14 +70,14 @@ class Sampler:
 
     def __init__(self, scene: ir.Scene, settings: ir.Settings, effort: Effort, overrides: Mapping[str, str] | None = None) -> None:
         """`overrides` go over PLAN. Raises planner.PlanError."""
-        asked = replace(
+        request = replace(
             settings, backend="ray", samples=FIRST, bounces=MAX_BOUNCES, denoise=False, filter="box", aov=(), error=None, budget=None,
             threads=effort.threads, seed=effort.seed,
         )  # fmt: skip
-        plain = planner.make_plan(scene, replace(asked, seed=0), {"interreflection": "true", "transport": "path"})
+        plain = planner.make_plan(scene, replace(request, seed=0), {"interreflection": "true", "transport": "path"})
         self.lacks_caustics = plain["transport.caustics"] == "photons"
         possible = {name: value for name, value in PLAN.items() if name != "transport.caustics" or self.lacks_caustics}
-        self.plan: Plan = planner.make_plan(scene, asked, {**possible, **(overrides or {})})
+        self.plan: Plan = planner.make_plan(scene, request, {**possible, **(overrides or {})})
         self.view = View(self.plan["camera"], *self.plan["size"])
         self.effort = effort  # that of the next estimate
         self.threads = int(self.plan["threads"]) or target.cores()
@@ -143,7 +143,7 @@ class Sampler:
                 for camera in cameras[begin + count // FIRST : begin + (count + step) // FIRST]:
                     sums[k] += self.draw(camera, size, crop, self._seed(k) + camera, 0, FIRST)
             count += step
-            estimate = told(sums / count, count)
+            estimate = as_estimate(sums / count, count)
             cell = float(np.sqrt(np.mean(np.square(estimate.error)))) / EACH if every else 0.0
             if count >= most or self._is_late() or max(cell, estimate.mean_error) <= self.effort.error * estimate.mean:
                 return estimate, sums / count
@@ -176,7 +176,7 @@ class Sampler:
         return (self.effort.seed * REPLICATES + replicate + 1) * 7919
 
 
-def told(means: F64, count: int = 0) -> Estimate:
+def as_estimate(means: F64, count: int = 0) -> Estimate:
     """The estimate of the means of replicates (REPLICATES, h, w) of `count` samples each."""
     value, full = means.mean(axis=0), means.mean(axis=(1, 2))
     mean = float(full.mean())

@@ -39,12 +39,13 @@ class Light:
     daylight: list[illuminance.Reading] = field(default_factory=list)
     luminance: list[luminance.Reading] = field(default_factory=list)
     glare: glare.Rating | None = None
-    found: list[Diagnostic] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
 def measure(scene: ir.Scene, request: Request, effort: Effort) -> Light:
     """Measure the light of a scene. Raises sensors.MeterError, ValueError and PlanError."""
-    light, remaining = Light(found=_about_lights(scene)), request.illuminance + request.daylight + bool(request.regions) + request.glare
+    light = Light(diagnostics=_about_lights(scene))
+    remaining = request.illuminance + request.daylight + bool(request.regions) + request.glare
 
     def share() -> Effort:
         nonlocal remaining
@@ -52,19 +53,19 @@ def measure(scene: ir.Scene, request: Request, effort: Effort) -> Light:
         return effort.share(remaining + 1)
 
     if request.illuminance:
-        light.meters, told = illuminance.read(scene, request.meters, share())
-        light.found += told
+        light.meters, notes = illuminance.read(scene, request.meters, share())
+        light.diagnostics += notes
     if request.daylight:
-        light.daylight, told = overcast.read(scene, request.meters, share())
-        light.found += told
+        light.daylight, notes = overcast.read(scene, request.meters, share())
+        light.diagnostics += notes
     if request.regions:
-        light.luminance, told = luminance.read(scene, request.settings, list(request.regions), share())
-        light.found += told
+        light.luminance, notes = luminance.read(scene, request.settings, list(request.regions), share())
+        light.diagnostics += notes
     if request.glare:
-        light.glare, told = glare.rate(scene, request.settings, share())
-        light.found += told
-    light.found += _missed(light, effort)
-    light.found = list(dict.fromkeys(light.found))
+        light.glare, notes = glare.rate(scene, request.settings, share())
+        light.diagnostics += notes
+    light.diagnostics += _missed(light, effort)
+    light.diagnostics = list(dict.fromkeys(light.diagnostics))
     return light
 
 
@@ -79,13 +80,13 @@ def _about_lights(scene: ir.Scene) -> list[Diagnostic]:
 
 def _missed(light: Light, effort: Effort) -> list[Diagnostic]:
     """Warnings about readings whose error is above the one asked for."""
-    found = []
+    warnings = []
     for reading in (*light.meters, *light.daylight):
         mean = reading.mean
         if mean.error > effort.error * mean.value > 0.0:
             message = f"the error of `{reading.meter.name}` is {mean.error / mean.value:.2%}; {effort.error:.2%} was asked for"
-            found.append(Diagnostic("warning", message, reading.meter.place, "a longer --budget, or a larger --error"))
-    return found
+            warnings.append(Diagnostic("warning", message, reading.meter.place, "a longer --budget, or a larger --error"))
+    return warnings
 
 
 # --- text --------------------------------------------------------------------------------------------------------------

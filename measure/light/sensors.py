@@ -170,8 +170,8 @@ def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed:
     side = -1.0 if meter.back else 1.0
     first = rows.counts.get("cameras", 0)
     for _ in range(REPLICATES):
-        at, u, v = ((random.random(3) + np.outer(np.arange(POINTS), STEPS)) % 1.0).T
-        row, u = np.minimum(np.searchsorted(np.cumsum(areas), at * total), len(areas) - 1), np.sqrt(u)
+        area_sample, u, v = ((random.random(3) + np.outer(np.arange(POINTS), STEPS)) % 1.0).T
+        row, u = np.minimum(np.searchsorted(np.cumsum(areas), area_sample * total), len(areas) - 1), np.sqrt(u)
         weights = np.stack([1.0 - u, u * (1.0 - v), u * v], axis=1)
         points = np.einsum("ni,nij->nj", weights, corners[row])
         above = np.maximum(8.0 * deviation[row], fine * LIFT * np.abs(points).max(axis=1, initial=LIFT, keepdims=False))
@@ -197,10 +197,10 @@ def is_far(scene: ir.Scene, meters: Sequence[ir.Meter]) -> bool:
 
 def triangles(scene: ir.Scene, rows: NDArray[np.int64]) -> list[Part]:
     """The surfaces of some instances in the world, shapes of lights too; unbounded ones are left out."""
-    kept = ir.Instances(*(column[rows] for column in scene.tables.instances))
-    kept = kept._replace(light=np.full_like(kept.light, -1))  # shapes of lights count as others, so that they have triangles
+    instances = ir.Instances(*(column[rows] for column in scene.tables.instances))
+    instances = instances._replace(light=np.full_like(instances.light, -1))  # shapes of lights count as others, so that they have triangles
     dark = scene.tables.lights._replace(instance=np.full_like(scene.tables.lights.instance, -1))
-    some = replace(scene, tables=scene.tables._replace(instances=kept, lights=dark), names=replace(scene.names, instances=()))
+    some = replace(scene, tables=scene.tables._replace(instances=instances, lights=dark), names=replace(scene.names, instances=()))
     return [part._replace(instance=int(rows[part.instance])) for part in printable_mesh.printable_parts(some)[0]]
 
 

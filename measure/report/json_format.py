@@ -32,9 +32,9 @@ def read(text: str) -> Chart:
     try:
         data = json.loads(text)
     except ValueError as error:
-        raise FormatError(f"this is no JSON: {error}") from None
+        raise FormatError(f"this is not JSON: {error}") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FormatError(f"this is no chart: its `format` is not `{FORMAT}`")
+        raise FormatError(f"this is not a chart: its `format` is not `{FORMAT}`")
     try:
         whole = {"size": tuple(data["size"]), "curves": _each(_curve, data["curves"]), "front": tuple(data["front"])}
         return _record(Chart, data, **whole, answers=_each(_answer, data.get("answers", ())))
@@ -62,8 +62,8 @@ def _record(kind: Any, data: Mapping[str, Any], **read: Any) -> Any:
     def plain(f: Field[Any]) -> Any:
         return _number(data[f.name]) if str(f.type).startswith("float") else data[f.name]
 
-    there = [f for f in fields(kind) if f.name in data or f.name in read or (f.default is MISSING and f.default_factory is MISSING)]
-    return kind(**{f.name: read[f.name] if f.name in read else plain(f) for f in there})
+    present = [f for f in fields(kind) if f.name in data or f.name in read or (f.default is MISSING and f.default_factory is MISSING)]
+    return kind(**{f.name: read[f.name] if f.name in read else plain(f) for f in present})
 
 
 def _number(value: Any) -> Any:

@@ -83,7 +83,7 @@ class Cluster:
             if cancel.is_set():
                 raise Cancelled
             states = [(worker.usable, worker.state in ("new", "asked")) for worker in list(self._dispatcher.workers.values())]
-            usable, unknown = any(here for here, _ in states), any(there for _, there in states)
+            usable, unknown = any(is_usable for is_usable, _ in states), any(is_unknown for _, is_unknown in states)
             first = min(first, time.monotonic()) if usable else math.inf
             if usable and (not unknown or time.monotonic() - first > LATE):
                 return
@@ -148,12 +148,12 @@ class Cluster:
 
     async def _poll(self) -> None:
         while not self._closed.is_set():
-            found: dict[str, Any] = {}
+            workers: dict[str, Any] = {}
             with contextlib.suppress(OSError, AttributeError):  # without a connection, which Dask tries to make again
-                found = (await self._client.scheduler.identity(n_workers=-1))["workers"]
-                rows = {name: (w["nthreads"], w["last_seen"], w["status"] != "running") for name, w in found.items()}
+                workers = (await self._client.scheduler.identity(n_workers=-1))["workers"]
+                rows = {name: (w["nthreads"], w["last_seen"], w["status"] != "running") for name, w in workers.items()}
                 self._events.put(partial(self._dispatcher.update, rows))
-            await asyncio.sleep(max(POLL, 0.005 * len(found)))
+            await asyncio.sleep(max(POLL, 0.005 * len(workers)))
 
 
 @contextmanager

@@ -87,9 +87,9 @@ class Worker:
         """Messages that it has."""
         return len(self.running) + len(self.waiting)
 
-    def room(self, whole: bool) -> bool:
+    def room(self, entire: bool) -> bool:
         """Whether it takes another message: one more than its threads do at a time, so that none waits for the network."""
-        if whole:
+        if entire:
             return self.load < (2 if self.threads == 1 else 1)
         return self.load < 2 * self.threads and not any(p.requests[0].whole for p in (*self.running, *self.waiting))
 
@@ -124,17 +124,17 @@ class Dispatcher:
         else:
             self.pending.append(request)
 
-    def update(self, found: Mapping[str, tuple[int, float, bool]]) -> None:
+    def update(self, reported: Mapping[str, tuple[int, float, bool]]) -> None:
         """Take the workers that the scheduler knows: (threads, time of the last heartbeat, whether it is paused)."""
         now = self.reached = time.monotonic()
-        for address in self.workers.keys() - found.keys():
+        for address in self.workers.keys() - reported.keys():
             self._lose(self.workers.pop(address))
-        for address, (threads, seen, paused) in found.items():
+        for address, (threads, seen, paused) in reported.items():
             worker = self.workers.setdefault(address, Worker(address, threads, heard=now))
             worker.threads, worker.paused = threads, paused
             if seen != worker.last_seen:
                 worker.last_seen, worker.heard = seen, now
-            silent = now - worker.heard > SILENCE + 0.02 * len(found)
+            silent = now - worker.heard > SILENCE + 0.02 * len(reported)
             if silent and not worker.silent:
                 self._again([*worker.running, *worker.waiting])
             worker.silent = silent

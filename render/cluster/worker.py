@@ -70,10 +70,10 @@ class Store:
         with self._lock:
             if digest in self._arrays:
                 return
-            data, there = self._parts.setdefault(digest, (bytearray(math.prod(shape) * dtype.itemsize), set()))
+            data, starts = self._parts.setdefault(digest, (bytearray(math.prod(shape) * dtype.itemsize), set()))
             data[start : start + len(part)] = part.data
-            there.add(start)
-            if len(there) * messages.PART >= len(data):
+            starts.add(start)
+            if len(starts) * messages.PART >= len(data):
                 self._arrays[digest] = np.frombuffer(data, dtype).reshape(shape)
                 del self._parts[digest]
 
@@ -160,14 +160,14 @@ class Pictures:
     def get(self, key: str, make: Callable[[], Picture]) -> Picture:
         """The picture of a key, made if it is not kept."""
         with self._lock:
-            lock, made = self._kept.setdefault(key, (threading.Lock(), []))
+            lock, pictures = self._kept.setdefault(key, (threading.Lock(), []))
             self._kept.move_to_end(key)
             while len(self._kept) > PICTURES:
                 self._kept.popitem(last=False)
         with lock:
-            if not made:
-                made.append(make())
-            return made[0]
+            if not pictures:
+                pictures.append(make())
+            return pictures[0]
 
 
 PREPARED = Pictures()
@@ -183,14 +183,14 @@ def _draw(about: Mapping[str, Any], arrays: packing.Arrays) -> Reply:
     if requests[0]["do"] == "picture":
         return _draw_picture(scene, plan)
     picture = PREPARED.get(json.dumps([about["scene"], about["plan"]]), lambda: Picture(scene, plan))
-    began, replies, found = time.perf_counter(), [], {}
+    began, replies, answers = time.perf_counter(), [], {}
     for k, request in enumerate(requests):
-        own = {name.partition(".")[2]: array for name, array in arrays.items() if name.startswith(f"{k}.")}
-        reply, made = _REQUESTS[request["do"]](picture, request, own, began)
+        inputs = {name.partition(".")[2]: array for name, array in arrays.items() if name.startswith(f"{k}.")}
+        reply, answer = _REQUESTS[request["do"]](picture, request, inputs, began)
         replies.append(reply)
-        found |= {f"{k}.{name}": array for name, array in made.items()}
+        answers |= {f"{k}.{name}": array for name, array in answer.items()}
     unproved = render_scene.count_unproved(picture.renderer)
-    return {"replies": replies, "seconds": time.perf_counter() - began, "unproved": unproved}, found
+    return {"replies": replies, "seconds": time.perf_counter() - began, "unproved": unproved}, answers
 
 
 def _draw_picture(scene: ir.Scene, plan: Plan) -> Reply:

@@ -17,7 +17,6 @@ from .image_files import FormatError
 
 PILLOW = {".gif": "GIF", ".apng": "PNG", ".webp": "WEBP"}
 VIDEO = (".mp4",)
-SUFFIXES = (*PILLOW, *VIDEO)
 QUALITY = "18"  # of H.264: constant rate factor; 0 is lossless, 23 the encoder's default
 TICKS = 90_000  # a second, of time stamps in an MP4 file
 

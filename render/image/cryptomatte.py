@@ -24,12 +24,12 @@ _MASK = 0xFFFFFFFF
 def murmur3(data: bytes, seed: int = 0) -> int:
     """MurmurHash3_x86_32 (Appleby)."""
     h = seed
-    whole = len(data) & ~3
-    for at in range(0, whole, 4):
-        h ^= _scramble(int.from_bytes(data[at : at + 4], "little"))
+    end = len(data) & ~3
+    for offset in range(0, end, 4):
+        h ^= _scramble(int.from_bytes(data[offset : offset + 4], "little"))
         h = ((h << 13 | h >> 19) * 5 + 0xE6546B64) & _MASK
-    if len(data) > whole:
-        h ^= _scramble(int.from_bytes(data[whole:], "little"))
+    if len(data) > end:
+        h ^= _scramble(int.from_bytes(data[end:], "little"))
     h ^= len(data)
     h = ((h ^ h >> 16) * 0x85EBCA6B) & _MASK
     h = ((h ^ h >> 13) * 0xC2B2AE35) & _MASK
@@ -53,14 +53,14 @@ def names_of(scene: ir.Scene) -> dict[str, tuple[str, ...]]:
     tables = scene.tables
     kinds = tables.geometries.kind[tables.instances.geometry].tolist()
     things = _named(scene.names.instances, [ir.GeometryKind(kind).name for kind in kinds])
-    made = _named(scene.names.materials, [ir.MaterialModel(model).name for model in tables.materials.model.tolist()])
-    return {"crypto_object": things, "crypto_material": tuple(made[row] for row in tables.instances.material.tolist())}
+    materials = _named(scene.names.materials, [ir.MaterialModel(model).name for model in tables.materials.model.tolist()])
+    return {"crypto_object": things, "crypto_material": tuple(materials[row] for row in tables.instances.material.tolist())}
 
 
 def _named(names: Sequence[str], kinds: Sequence[str]) -> tuple[str, ...]:
     """Names, or kind and row."""
-    given = names or [""] * len(kinds)
-    return tuple(name or f"{kind.lower()}.{row}" for row, (name, kind) in enumerate(zip(given, kinds, strict=True)))
+    named = names or [""] * len(kinds)
+    return tuple(name or f"{kind.lower()}.{row}" for row, (name, kind) in enumerate(zip(named, kinds, strict=True)))
 
 
 class Mattes:
@@ -94,20 +94,20 @@ class Mattes:
 def rank(label: NDArray[np.int64], ids: NDArray[np.float32]) -> NDArray[np.float32]:
     """(pixels, 2 · RANKS) ids and coverages of each pixel by falling coverage; label (n, pixels) is len(ids) for misses."""
     n, pixels = label.shape
-    here = np.unique(label)
-    here = here[here < len(ids)]
-    made = np.zeros((pixels, RANKS, 2), np.float32)
-    if len(here) == 0:
-        return made.reshape(pixels, 2 * RANKS)
-    place = np.full(len(ids) + 1, len(here))
-    place[here] = np.arange(len(here))
-    counts = np.bincount((place[label] * pixels + np.arange(pixels)).ravel(), minlength=(len(here) + 1) * pixels)
-    counts = counts.reshape(-1, pixels)[: len(here)]
+    present = np.unique(label)
+    present = present[present < len(ids)]
+    ranked = np.zeros((pixels, RANKS, 2), np.float32)
+    if len(present) == 0:
+        return ranked.reshape(pixels, 2 * RANKS)
+    place = np.full(len(ids) + 1, len(present))
+    place[present] = np.arange(len(present))
+    counts = np.bincount((place[label] * pixels + np.arange(pixels)).ravel(), minlength=(len(present) + 1) * pixels)
+    counts = counts.reshape(-1, pixels)[: len(present)]
     order = np.argsort(-counts, axis=0, kind="stable")[:RANKS]
     share = np.take_along_axis(counts, order, axis=0).T / np.float32(n)
-    made[:, : share.shape[1], 0] = np.where(share > 0, ids[here][order].T, np.float32(0.0))
-    made[:, : share.shape[1], 1] = share
-    return made.reshape(pixels, 2 * RANKS)
+    ranked[:, : share.shape[1], 0] = np.where(share > 0, ids[present][order].T, np.float32(0.0))
+    ranked[:, : share.shape[1], 1] = share
+    return ranked.reshape(pixels, 2 * RANKS)
 
 
 def channel_names(name: str) -> tuple[str, ...]:

@@ -15,11 +15,11 @@ def png(pixels: np.ndarray, color: bool = False, alpha: np.ndarray | None = None
     """A PNG of 8 bits a channel of (height, width, 3) values from 0 to 1; colours are linear and become sRGB. alpha: (height, width)."""
     from PIL import Image
 
-    given = np.clip(encode_srgb(pixels) if color else np.nan_to_num(pixels), 0.0, 1.0)
+    channels = np.clip(encode_srgb(pixels) if color else np.nan_to_num(pixels), 0.0, 1.0)
     if alpha is not None:
-        given = np.concatenate([given, np.clip(alpha, 0.0, 1.0)[..., None]], axis=2)
+        channels = np.concatenate([channels, np.clip(alpha, 0.0, 1.0)[..., None]], axis=2)
     out = BytesIO()
-    Image.fromarray(np.round(255.0 * given).astype(np.uint8)).save(out, "PNG")
+    Image.fromarray(np.round(255.0 * channels).astype(np.uint8)).save(out, "PNG")
     return out.getvalue()
 
 

@@ -80,8 +80,8 @@ def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: 
     """Check before rendering that a file named `path` supports the request. Raises FormatError."""
     suffix = path.suffix.lower()
     if suffix not in LINEAR and suffix not in DEPTHS:
-        known = ", ".join((*LINEAR, *DEPTHS))
-        raise FormatError(f"cannot tell the picture format of {path}: its name must end in one of {known}")
+        endings = ", ".join((*LINEAR, *DEPTHS))
+        raise FormatError(f"cannot tell the picture format of {path}: its name must end in one of {endings}")
     if suffix in LINEAR and bits is not None:
         raise FormatError(f"{path.name} holds 32-bit floats: --bits is for 8 and 16-bit pictures")
     if suffix in DEPTHS and bits is not None and bits not in DEPTHS[suffix]:
@@ -315,8 +315,8 @@ def _place(spec: Any, picture: Picture) -> None:
 
 
 def _ordered(picture: Picture) -> list[str]:
-    known = [channel for channel in CHANNEL_NAMES if channel in picture.channels]
-    return known + sorted(channel for channel in picture.channels if channel.startswith(LIGHT))
+    channels = [channel for channel in CHANNEL_NAMES if channel in picture.channels]
+    return channels + sorted(channel for channel in picture.channels if channel.startswith(LIGHT))
 
 
 def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:

@@ -65,15 +65,15 @@ def _as_image(
     alpha = pixels[..., [alpha_at]].astype(np.float64) if alpha_at >= 0 else np.ones_like(rgb[..., :1])
     if spec.format.basetype in (oiio.UINT8, oiio.UINT16):
         rgb = decode_srgb(rgb) * alpha
-    found = {"rgba": np.concatenate([rgb, alpha], axis=2).astype(np.float32)}
+    channels = {"rgba": np.concatenate([rgb, alpha], axis=2).astype(np.float32)}
     for channel, parts in CHANNEL_NAMES.items():
-        if channel not in found and all(part in names for part in parts):
-            found[channel] = pixels[..., [names.index(part) for part in parts]]
+        if channel not in channels and all(part in names for part in parts):
+            channels[channel] = pixels[..., [names.index(part) for part in parts]]
     for part in names:
         if part.startswith("light_") and part.endswith(".R"):
             layer = part.removesuffix(".R")
-            found[LIGHT + layer.removeprefix("light_")] = pixels[..., [names.index(f"{layer}.{c}") for c in "RGB"]]
-    return images.Image(spec.width, spec.height, found, {**_read_about(spec), "alpha": alpha_at >= 0, "faults": faults})
+            channels[LIGHT + layer.removeprefix("light_")] = pixels[..., [names.index(f"{layer}.{c}") for c in "RGB"]]
+    return images.Image(spec.width, spec.height, channels, {**_read_about(spec), "alpha": alpha_at >= 0, "faults": faults})
 
 
 def _read_about(spec: Any) -> dict[str, Any]:

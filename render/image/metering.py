@@ -53,5 +53,5 @@ def exposure(counts: Sequence[F64]) -> float:
         return 0.0
     middle = int(np.searchsorted(passed, 0.5 * passed[-1]))
     median = sums[middle] / weight[middle]
-    kept = np.clip(np.divide(sums, weight, out=np.zeros_like(sums), where=weight > 0.0), median - OUTLYING, median + OUTLYING)
-    return round(math.log2(MIDDLE_GREY) - float(kept @ weight / passed[-1]), 2)
+    clipped = np.clip(np.divide(sums, weight, out=np.zeros_like(sums), where=weight > 0.0), median - OUTLYING, median + OUTLYING)
+    return round(math.log2(MIDDLE_GREY) - float(clipped @ weight / passed[-1]), 2)

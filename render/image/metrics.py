@@ -116,8 +116,8 @@ def full_scale(image: Pixels, reference: Pixels) -> float:
     a, b = _same_size(image, reference)
     with np.errstate(invalid="ignore"):
         apart = np.abs(luminance(a - b))
-    there = apart[(apart > 0) & np.isfinite(apart)]
-    return float(np.percentile(there, 99.5)) if there.size else 1.0
+    differing = apart[(apart > 0) & np.isfinite(apart)]
+    return float(np.percentile(differing, 99.5)) if differing.size else 1.0
 
 
 def distance(a: Pixels, b: Pixels) -> NDArray[np.float64]:

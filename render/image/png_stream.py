@@ -102,16 +102,16 @@ def combine(first: int, second: int, length: int) -> int:
     return (a + c - 1) % BASE | (b + d + length * (a - 1)) % BASE << 16
 
 
-def _compress(given: tuple[memoryview, memoryview | bytes]) -> bytes:
-    block, before = given
-    made = zlib.compressobj(LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS, zlib.DEF_MEM_LEVEL, zlib.Z_DEFAULT_STRATEGY, before)
-    return made.compress(block) + made.flush(zlib.Z_SYNC_FLUSH)
+def _compress(blocks: tuple[memoryview, memoryview | bytes]) -> bytes:
+    block, before = blocks
+    compressor = zlib.compressobj(LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS, zlib.DEF_MEM_LEVEL, zlib.Z_DEFAULT_STRATEGY, before)
+    return compressor.compress(block) + compressor.flush(zlib.Z_SYNC_FLUSH)
 
 
 def _chunks(png: bytes) -> Iterator[tuple[bytes, bytes]]:
     """(kind, content) of the chunks of a PNG."""
-    at = len(SIGNATURE)
-    while at < len(png):
-        size = struct.unpack_from(">I", png, at)[0]
-        yield png[at + 4 : at + 8], png[at + 8 : at + 8 + size]
-        at += 12 + size
+    offset = len(SIGNATURE)
+    while offset < len(png):
+        size = struct.unpack_from(">I", png, offset)[0]
+        yield png[offset + 4 : offset + 8], png[offset + 8 : offset + 8 + size]
+        offset += 12 + size

@@ -47,15 +47,15 @@ def codes(rgb: NDArray[np.float32], exposure: float) -> NDArray[np.uint8]:
 def codes_with_alpha(rgba: NDArray[np.float32], exposure: float) -> NDArray[np.uint8]:
     """Return `codes` of rgb with associated alpha, unassociated, and of alpha."""
     coverage = rgba[..., 3]
-    found = np.empty(rgba.shape, np.uint8)
-    found[..., :3] = codes(rgba[..., :3], exposure)
-    found[..., 3] = np.where(coverage >= 1.0, 255, 0)
+    codes_of_all = np.empty(rgba.shape, np.uint8)
+    codes_of_all[..., :3] = codes(rgba[..., :3], exposure)
+    codes_of_all[..., 3] = np.where(coverage >= 1.0, 255, 0)
     parts = (coverage > 0.0) & (coverage < 1.0)
     if parts.any():
         light = rgba[parts].astype(np.float64)
-        found[parts, :3] = _exact_codes(light[:, :3] * 2.0**exposure / light[:, 3:], 1.0)
-        found[parts, 3] = np.rint(light[:, 3] * 255)
-    return found
+        codes_of_all[parts, :3] = _exact_codes(light[:, :3] * 2.0**exposure / light[:, 3:], 1.0)
+        codes_of_all[parts, 3] = np.rint(light[:, 3] * 255)
+    return codes_of_all
 
 
 class Table(NamedTuple):

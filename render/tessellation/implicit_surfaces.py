@@ -14,17 +14,17 @@ SMOOTH_COSINE = 0.95  # of two normals of one vertex; below it there is an edge
 EDGE_STEPS = 32  # of a normal's components, which are equal on one side of an edge
 
 
-def contour(tables: ir.Tables, g: int, tolerance: float, whole: bool = False) -> dual_contouring.Contour:
-    """The triangles of implicit surface `g` in its own frame, `tolerance` metres off; `tolerance` and `whole` as in `within`.
+def contour(tables: ir.Tables, g: int, tolerance: float, complete: bool = False) -> dual_contouring.Contour:
+    """The triangles of implicit surface `g` in its own frame, `tolerance` metres off; `tolerance` and `complete` as in `within`.
 
     Only the part inside its ball, for a sheet that has one.
     """
-    made = dual_contouring.within(scene_surfaces.tape_of(tables, g), tables.geometries.bounds[g], tolerance, whole=whole)
+    surface = dual_contouring.within(scene_surfaces.tape_of(tables, g), tables.geometries.bounds[g], tolerance, complete=complete)
     *middle, radius = tables.geometries.parameters[g, 1:5].tolist()
     if radius > 0.0:
-        inside = np.linalg.norm(made.positions[made.triangles].mean(axis=1) - middle, axis=1) <= radius
-        made = made._replace(triangles=made.triangles[inside])
-    return made
+        inside = np.linalg.norm(surface.positions[surface.triangles].mean(axis=1) - middle, axis=1) <= radius
+        surface = surface._replace(triangles=surface.triangles[inside])
+    return surface
 
 
 def tessellate(tables: ir.Tables, g: int, tolerance: float) -> Tessellation:
@@ -32,31 +32,31 @@ def tessellate(tables: ir.Tables, g: int, tolerance: float) -> Tessellation:
     return as_tessellation(contour(tables, g, tolerance))
 
 
-def as_tessellation(made: dual_contouring.Contour) -> Tessellation:
+def as_tessellation(surface: dual_contouring.Contour) -> Tessellation:
     """A contour as a tessellation, with the coordinates of `analytic_shapes.uv`."""
-    positions = np.concatenate([made.positions, np.ones((len(made.positions), 1))], axis=1)
-    triangles = made.triangles.astype(np.int32)
-    uvs = np.stack([made.positions[:, 0], -made.positions[:, 2]], axis=1)
-    return Tessellation(positions, triangles, made.normals, uvs, np.zeros(len(triangles), np.int32))
+    positions = np.concatenate([surface.positions, np.ones((len(surface.positions), 1))], axis=1)
+    triangles = surface.triangles.astype(np.int32)
+    uvs = np.stack([surface.positions[:, 0], -surface.positions[:, 2]], axis=1)
+    return Tessellation(positions, triangles, surface.normals, uvs, np.zeros(len(triangles), np.int32))
 
 
-def with_edges(tables: ir.Tables, g: int, made: Tessellation) -> Tessellation:
+def with_edges(tables: ir.Tables, g: int, tessellation: Tessellation) -> Tessellation:
     """The tessellation of implicit surface `g` with vertices divided along its edges: each side has the normals of its own face.
 
     The gradient is evaluated for each corner of a triangle, from the corner a share of SIDE of the way to the triangle's center.
     """
-    corners = made.positions[made.triangles, :3]
-    at = corners + SIDE * (corners.mean(axis=1, keepdims=True) - corners)
+    corners = tessellation.positions[tessellation.triangles, :3]
+    probes = corners + SIDE * (corners.mean(axis=1, keepdims=True) - corners)
     with np.errstate(all="ignore"):
-        _, gradient = numpy_interpreter.gradients(scene_surfaces.tape_of(tables, g), *at.reshape(-1, 3).T)
+        _, gradient = numpy_interpreter.gradients(scene_surfaces.tape_of(tables, g), *probes.reshape(-1, 3).T)
         normal = (gradient / np.linalg.norm(gradient, axis=0)).T
-    vertex = made.triangles.ravel()
-    known = made.normals[vertex]
-    normal = np.where(np.isfinite(normal).all(axis=1, keepdims=True), normal, known)
-    smooth = (normal * known).sum(axis=1) >= SMOOTH_COSINE
-    normal = np.where(smooth[:, None], known, normal)
+    vertex = tessellation.triangles.ravel()
+    smooth_normal = tessellation.normals[vertex]
+    normal = np.where(np.isfinite(normal).all(axis=1, keepdims=True), normal, smooth_normal)
+    smooth = (normal * smooth_normal).sum(axis=1) >= SMOOTH_COSINE
+    normal = np.where(smooth[:, None], smooth_normal, normal)
     keys = np.concatenate([vertex[:, None], np.where(smooth[:, None], 0, np.round(normal * EDGE_STEPS)).astype(np.int64)], axis=1)
     _, first, index = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     source = vertex[first]
     triangles = index.reshape(-1, 3).astype(np.int32)
-    return Tessellation(made.positions[source], triangles, normal[first], made.uvs[source], made.parts)
+    return Tessellation(tessellation.positions[source], triangles, normal[first], tessellation.uvs[source], tessellation.parts)

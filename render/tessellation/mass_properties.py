@@ -50,11 +50,11 @@ class Properties(NamedTuple):
 
 def measure(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Properties], list[Diagnostic]]:
     """The properties of all bounded instances, and the diagnostics of their meshes. `tolerance`: see printable_mesh."""
-    coarse, found = printable_mesh.printable_parts(scene, tolerance)
+    coarse, diagnostics = printable_mesh.printable_parts(scene, tolerance)
     finest = tolerance or printable_mesh.default_tolerance(scene)
     fine, _ = printable_mesh.printable_parts(scene, finest / FINER if finest else None)
     same = {part.instance: part for part in coarse}
-    return [_properties(same.get(part.instance, part), part) for part in fine], found
+    return [_properties(same.get(part.instance, part), part) for part in fine], diagnostics
 
 
 def _properties(coarse: Part, fine: Part) -> Properties:
@@ -85,14 +85,14 @@ def _unbounded(coarse: Part, fine: Part, edges: Topology, volume: float) -> tupl
         return "the surface is open", True
     if not fine.is_mesh:
         return "", True
-    found = crossings(fine.positions, fine.triangles)
-    if found:
-        return f"the surface crosses itself in {found} of its triangles", True
+    crossing_count = crossings(fine.positions, fine.triangles)
+    if crossing_count:
+        return f"the surface crosses itself in {crossing_count} of its triangles", True
     if twice := counted_twice(fine.positions, fine.triangles):
         return f"{twice} of its bodies {'lies' if twice == 1 else 'lie'} inside others that face the same way", True
     if not volume > 0.0:
         return "its faces point inwards" if volume < 0.0 else "the surface encloses nothing", True
-    return "", found is not None
+    return "", crossing_count is not None
 
 
 def _extrapolate(coarse: F64, fine: F64, least: float) -> Measured:
@@ -108,7 +108,7 @@ def _area(part: Part) -> F64:
 
 def total(parts: Sequence[Properties]) -> Measured | None:
     """The sum of the volumes; None if one is unknown. What parts share counts for each of them."""
-    known = [part.volume for part in parts if part.volume is not None]
-    if len(known) < len(parts):
+    volumes = [part.volume for part in parts if part.volume is not None]
+    if len(volumes) < len(parts):
         return None
-    return Measured(np.asarray(sum(v.value for v in known)), np.asarray(sum(v.error for v in known)))
+    return Measured(np.asarray(sum(v.value for v in volumes)), np.asarray(sum(v.error for v in volumes)))

@@ -26,9 +26,9 @@ def triangle_materials(tables: ir.Tables, i: int, centers: NDArray[np.float64]) 
     blended = traits.has(tables, Lobes.PARTS)
     while (blends := np.unique(rows[blended[rows]])).size:
         for row in blends.tolist():
-            here = np.flatnonzero(rows == row)
-            second = _weights(tables, row, local[here]) > 0.5
-            rows[here] = np.where(second, materials.second[row], materials.first[row])
+            blended_rows = np.flatnonzero(rows == row)
+            second = _weights(tables, row, local[blended_rows]) > 0.5
+            rows[blended_rows] = np.where(second, materials.second[row], materials.first[row])
     return rows
 
 

@@ -44,7 +44,7 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
     Diagnostics name meshes that are open and instances that are left out: lights and unbounded shapes. Deviations of solids
     of formulas are the largest ones at samples of their triangles.
     """
-    tables, found, made = scene.tables, [], []
+    tables, diagnostics, parts = scene.tables, [], []
     boxes, light, ends = _boxes(tables)
     tolerance = default_tolerance(scene) if tolerance is None else tolerance
     for i in range(len(boxes)):
@@ -52,7 +52,7 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
         label = f"`{name}`" if name else "an object"
 
         def say(severity: str, message: str, hint: str = "", row: int = i) -> None:
-            found.append(Diagnostic(severity, message, scene.spans.at("instances", row), hint))
+            diagnostics.append(Diagnostic(severity, message, scene.spans.get("instances", row), hint))
 
         if light[i] or not ends[i]:
             say("note", f"{label} is {'a light' if light[i] else 'unbounded'} and is left out")
@@ -63,18 +63,18 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
             hint = "a smaller box as `within` has smaller cells"
             say("warning", f"{label} is sampled in cells of {thin * 1000:.3g} mm: {missing}", hint)
         if len(part.triangles):
-            made.append(_with_materials(scene, i, part))
+            parts.append(_with_materials(scene, i, part))
         if part.open_edges:
             why, hint = _why_open(tables, i, part)
             say("warning", f"{label} {why}: {part.open_edges} of its edges do not have one triangle on each side", hint)
-    return made, found
+    return parts, diagnostics
 
 
 def default_tolerance(scene: ir.Scene) -> float:
     """The extent of the bounded instances over RESOLUTION; 0 without any."""
     boxes, light, ends = _boxes(scene.tables)
-    there = boxes[ends & ~light]
-    return float((there[:, 3:].max(axis=0) - there[:, :3].min(axis=0)).max()) / RESOLUTION if len(there) else 0.0
+    bounded = boxes[ends & ~light]
+    return float((bounded[:, 3:].max(axis=0) - bounded[:, :3].min(axis=0)).max()) / RESOLUTION if len(bounded) else 0.0
 
 
 def _boxes(tables: ir.Tables) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
@@ -123,13 +123,11 @@ def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part,
 def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:
     geometries, kind = tables.geometries, int(tables.geometries.kind[g])
     if kind == _KIND.MESH:
-        first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
-        start, vertices = int(geometries.first_vertex[g]), int(geometries.vertex_count[g])
-        positions = tables.pools.positions[start : start + vertices].astype(np.float64) + geometries.origin[g]
-        triangles = tables.pools.triangles[first : first + count].astype(np.int64) - start
+        positions, triangles = ir.mesh_arrays(tables, g)
         tint = int(geometries.colors[g])
-        colors = None if tint < 0 else shells.at_corners(tables, tint, triangles.astype(np.int32))
-        return _LocalMesh(positions, triangles, float(geometries.parameters[g, 0]), colors=colors)
+        colors = None if tint < 0 else shells.at_corners(tables, tint, triangles)
+        positions = positions.astype(np.float64) + geometries.origin[g]
+        return _LocalMesh(positions, triangles.astype(np.int64), float(geometries.parameters[g, 0]), colors=colors)
     if kind == _KIND.FORMULA:
         tape = load_tape(tables, int(geometries.tape[g]))
         contour = implicit_surfaces.contour(tables, g, mesh_csg.CONTOUR_SHARE * tolerance, True)

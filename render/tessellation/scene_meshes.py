@@ -34,8 +34,8 @@ class ShapeMesh(NamedTuple):
 def make_tessellator(scene: ir.Scene, plan: Plan) -> Callable[[int], ShapeMesh]:
     """A function from an instance (its row) to its mesh, within plan["tolerance"] pixels; not for meshes and unbounded shapes."""
     width, height = plan["size"]
-    made = ViewTessellator(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
-    return lambda instance: _with_metric(scene.tables, instance, made.tessellate(instance))
+    tessellator = ViewTessellator(scene.tables, View(plan["camera"], width, height), plan["tolerance"])
+    return lambda instance: _with_metric(scene.tables, instance, tessellator.tessellate(instance))
 
 
 def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converters:

@@ -22,25 +22,25 @@ def replace_vertex_shaded(tables: ir.Tables, tessellator: ViewTessellator) -> ir
         return tables
     geometry = instances.geometry.copy()
     rows: dict[tuple[int, float], int] = {}
-    made: list[tuple[int, analytic_shapes.Tessellation]] = []
+    meshes: list[tuple[int, analytic_shapes.Tessellation]] = []
     for i in np.flatnonzero(chosen):
         key = tessellator.key(int(i))
         if key not in rows:
-            rows[key] = len(tables.geometries.kind) + len(made)
-            made.append((key[0], tessellator.tessellate(int(i))))
+            rows[key] = len(tables.geometries.kind) + len(meshes)
+            meshes.append((key[0], tessellator.tessellate(int(i))))
         geometry[i] = rows[key]
     placed = ir.table_of("instances", {**instances._asdict(), "geometry": geometry})
-    return _add_meshes(tables, made)._replace(instances=placed)
+    return _add_meshes(tables, meshes)._replace(instances=placed)
 
 
-def _add_meshes(tables: ir.Tables, made: list[tuple[int, analytic_shapes.Tessellation]]) -> ir.Tables:
+def _add_meshes(tables: ir.Tables, meshes: list[tuple[int, analytic_shapes.Tessellation]]) -> ir.Tables:
     """Tables with one more mesh geometry for each (geometry it replaces, triangles), with normals and uvs at vertices."""
     pools, attributes, geometries = tables.pools, tables.attributes, tables.geometries
     vertices, triangles, values = len(pools.positions), len(pools.triangles), len(pools.values)
     positions_of, triangles_of, values_of = [pools.positions], [pools.triangles], [pools.values]
     attribute_rows: list[tuple[int, int, int, int]] = []
     geometry_rows: dict[str, list[Any]] = {name: [] for name in geometries._fields}
-    for original, mesh in made:
+    for original, mesh in meshes:
         count = len(mesh.positions)
         row = {
             "kind": ir.GeometryKind.MESH, "parameters": np.zeros(ir.PARAMETERS),

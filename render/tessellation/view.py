@@ -40,7 +40,7 @@ class ViewTessellator:
             nearest, least = pixel_tolerance.nearest_depths(tables, self.view, boxes)
         perspective = tables.cameras.projection[self.view.camera] == ir.Projection.PERSPECTIVE
         close = perspective & ~(nearest >= least)
-        geometries, found = tables.geometries, {}
+        geometries, by_instance = tables.geometries, {}
         for i in analytic_shapes.visible_analytic(tables).tolist():
             g = tables.instances.geometry[i]
             kind = int(geometries.kind[g])
@@ -48,8 +48,8 @@ class ViewTessellator:
             if shape is None or not (shape.EXACT or shape.circles(parameters)):
                 continue
             if shape.EXACT or not (close[i] or analytic_shapes.exceeds_limit(kind, parameters, self.key(i)[1])):
-                found[i] = self.tessellate(i)
-        return found
+                by_instance[i] = self.tessellate(i)
+        return by_instance
 
     def key(self, instance: int) -> tuple[int, float]:
         """The geometry and tolerance of an instance; equal keys share a tessellation."""

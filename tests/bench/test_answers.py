@@ -142,7 +142,7 @@ def test_long_runs_that_differ_are_refused() -> None:
 def test_errors_do_not_hold_the_noise_of_their_reference() -> None:
     """A picture of variance 1/16 against four runs of 1/16 each: the reference's share, a fifth of the whole, is taken away."""
     size, sigma = 128, 0.25
-    reference = paths.Reference.of(RNG.normal(1.0, sigma, (4, size, size, 3)))
+    reference = paths.Reference.from_runs(RNG.normal(1.0, sigma, (4, size, size, 3)))
     picture = RNG.normal(1.0, sigma, (size, size, 3))
     plain = paths.metrics.root_relmse(picture, reference.mean)
     assert reference.noise[0] / plain**2 == pytest.approx(0.2, rel=0.05)

@@ -60,7 +60,7 @@ def test_without_bpy_it_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_noise_of_blocks_is_told_beside_that_of_pixels() -> None:
     rng: Any = np.random.default_rng(3)
-    reference = paths.Reference.of(1.0 + 1e-3 * rng.standard_normal((4, 64, 64, 3)))
+    reference = paths.Reference.from_runs(1.0 + 1e-3 * rng.standard_normal((4, 64, 64, 3)))
     alone = 1.0 + 0.1 * rng.standard_normal((64, 64, 3))
     shared = 1.0 + 0.1 * np.kron(rng.standard_normal((16, 16, 1)), np.ones((4, 4, 3)))
     assert reference.errors(alone) == pytest.approx((0.1, 0.025), rel=0.1)

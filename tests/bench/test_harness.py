@@ -68,7 +68,7 @@ def test_ratios_are_taken_round_by_round() -> None:
     ours = time.contender("maquette", [1.0, 1.0, 1.0, 3.0])
     peer = time.contender("peer", [2.0, 2.0, 6.0, 6.0])
     result = harness.measure(Case("case", [ours, peer], same), Effort(rounds=3), time.now)
-    assert result.of("peer").spread().median / result.of("maquette").spread().median == 6.0
+    assert result.times_of("peer").spread().median / result.times_of("maquette").spread().median == 6.0
     assert result.ratio("peer") == 2.0
     assert result.ratio("maquette") == 1.0
 
@@ -93,7 +93,7 @@ def test_answers_are_read_outside_of_the_clock() -> None:
 
     ours = time.contender("maquette", [1.0])
     case = Case("case", [Contender("maquette", ours.run, slow_read)], same)
-    assert harness.measure(case, Effort(rounds=2), time.now).of("maquette").spread("cpu") == Spread(1.0, 1.0, 1.0)
+    assert harness.measure(case, Effort(rounds=2), time.now).times_of("maquette").spread("cpu") == Spread(1.0, 1.0, 1.0)
 
 
 def test_seconds_end_a_case_but_not_before_the_fewest_rounds() -> None:
@@ -107,7 +107,7 @@ def test_seconds_end_a_case_but_not_before_the_fewest_rounds() -> None:
 @pytest.mark.long
 @given(st.lists(st.floats(0.001, 1000.0), min_size=1, max_size=12))
 def test_quartiles_lie_about_the_median(values: list[float]) -> None:
-    spread = Spread.of(values)
+    spread = Spread.from_values(values)
     assert min(values) <= spread.low <= spread.median <= spread.high <= max(values)
     assert sum(v <= spread.median for v in values) * 2 >= len(values)
 

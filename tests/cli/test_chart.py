@@ -186,8 +186,8 @@ def test_a_json_that_is_no_chart_is_not_overwritten(folder: Path, asked: list[An
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", "Error: x.json: this is no chart: its `format` is not `maquette chart 1`\n"),
-        ("{", "Error: x.json: this is no JSON: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)\n"),
+        ("{}", "Error: x.json: this is not a chart: its `format` is not `maquette chart 1`\n"),
+        ("{", "Error: x.json: this is not JSON: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)\n"),
     ],
 )
 def test_a_json_that_is_no_chart_is_an_error(folder: Path, text: str, message: str) -> None:

@@ -110,7 +110,7 @@ def test_prebuilt_kernels_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         return row["state"], row["text"]
 
     monkeypatch.setattr(prebuilt, "ROOT", tmp_path / "prebuilt")
-    assert told() == ("missing", "none, as this is no wheel made by `make wheel`: kernels are compiled when they are first needed")
+    assert told() == ("missing", "none, as this is not a wheel made by `make wheel`: kernels are compiled when they are first needed")
     (tmp_path / "prebuilt" / "other").mkdir(parents=True)
     name = f"{target.ISA}-{target.LEVEL.cpu}"
     assert told() == ("missing", f"none for {name}: this package has other")

@@ -177,7 +177,7 @@ def test_options_that_a_file_cannot_take(tmp_path: Path) -> None:
 def test_a_format_that_is_not_read_names_a_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, hint: str) -> None:
     monkeypatch.chdir(tmp_path)
     Path(name).write_text("x", encoding="utf-8")
-    assert run("check", name) == (1, f"{name}: 1 error\n", f"{name}: error: `{name}` is no kind of scene that is known\n  {hint}\n")
+    assert run("check", name) == (1, f"{name}: 1 error\n", f"{name}: error: `{name}` is not a known kind of scene\n  {hint}\n")
     for line in (f'mesh("{name}")\n', f'usd("{name}")\n', f'use "{name}"\nsphere(1)\n'):
         Path("a.scene").write_text(line, encoding="utf-8")
         code, _, err = run("check", "a.scene")

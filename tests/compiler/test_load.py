@@ -107,9 +107,9 @@ VARIANT = StageOptions(variants={"/a:b": "c"})
 @pytest.mark.parametrize(
     ("name", "text", "more", "expected"),
     [
-        ("a.scnee", "x", {}, [("`a.scnee` is no kind of scene that is known", "did you mean `.scene`?")]),
-        ("a.zzz", "x", {}, [("`a.zzz` is no kind of scene that is known", f"scenes are {KNOWN}")]),
-        ("a.fbx", "x", {}, [("`a.fbx` is no kind of scene that is known", "Blender imports it, and exports .glb or .usdc")]),
+        ("a.scnee", "x", {}, [("`a.scnee` is not a known kind of scene", "did you mean `.scene`?")]),
+        ("a.zzz", "x", {}, [("`a.zzz` is not a known kind of scene", f"scenes are {KNOWN}")]),
+        ("a.fbx", "x", {}, [("`a.fbx` is not a known kind of scene", "Blender imports it, and exports .glb or .usdc")]),
         ("a.npz", "x", {}, [("cannot read the saved scene: it is damaged, or something else", "")]),
         ("a.obj", "v 0 0 0", {"sets": {"n": "1"}}, [("there is no param `n`: only .scene files have params", "leave out --set")]),
         ("a.obj", "v 0 0 0", {"time": 1.0}, [("nothing moves in this kind of file: it has no time", "leave out --time")]),

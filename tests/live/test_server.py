@@ -319,7 +319,7 @@ def test_what_is_no_message_is_refused(tmp_path: Path) -> None:
     scene = windows.write(tmp_path)
     with served(scene) as shown, client(shown) as page:
         page.socket.send("{")
-        page.wait(lambda: page.last.get("refused", {}).get("message", "").startswith("the message is no JSON: Expecting property name"))
+        page.wait(lambda: page.last.get("refused", {}).get("message", "").startswith("the message is not JSON: Expecting property name"))
         assert page.ask("delete", "refused", path="/")["message"] == "there is no message 'delete'"
         assert page.ask("change", "refused", state={"backend": "gpu"})["message"] == "there is no backend 'gpu'"
         page.socket.send(b"\0")

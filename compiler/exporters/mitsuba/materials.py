@@ -43,7 +43,7 @@ class Materials:
         key = (material, colored)
         if key not in self._looks:
             row = MitsubaRow(self, material, colored, spoken)
-            bsdf, emission = row.whole(), row.emission()
+            bsdf, emission = row.mapped_bsdf(), row.emission()
             name = f"material{len(self.definitions)}"
             self.definitions.append(Node("bsdf", {**bsdf.attributes, "id": name}, bsdf.children))
             self._looks[key] = Look(Node("ref", {"id": name}), self._medium(material), emission, self._texture(row.textures))
@@ -91,7 +91,7 @@ class MitsubaRow(MaterialRow):
         self._all, self._colored, self._spoken = materials, colored, spoken
         self.textures: list[int] = []
 
-    def whole(self) -> Node:
+    def mapped_bsdf(self) -> Node:
         """The BSDF inside those of its normal and bump maps."""
         self.reports_vertex_light()
         if is_clear(self._all.tables, self.row):
@@ -118,8 +118,8 @@ class MitsubaRow(MaterialRow):
     def two_sided(self, bsdf: Node) -> Node:
         return node("bsdf", "twosided").with_(bsdf)
 
-    def constant(self, name: str, given: float) -> Node:
-        return value(name, given)
+    def constant(self, name: str, number: float) -> Node:
+        return value(name, number)
 
     def rgb(self, name: str, color: Any) -> Node:
         return rgb(name, color)
@@ -169,7 +169,7 @@ class MitsubaRow(MaterialRow):
         nodes = []
         for part in (self.materials.first, self.materials.second):
             row = MitsubaRow(self._all, int(part[self.row]), self._colored, self._spoken)
-            nodes.append(row.whole())
+            nodes.append(row.mapped_bsdf())
             self.textures += row.textures
         return nodes
 

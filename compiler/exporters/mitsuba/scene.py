@@ -60,12 +60,12 @@ def _check_plan(out: Export, plan: Plan) -> None:
     without_fog(out)
     used = np.unique(tables.instances.material)
     specular = (traits.clear(tables) | traits.mirrors(tables))[used]
-    matt = tables.materials.values[used, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
+    diffuse = tables.materials.values[used, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
     if specular.any() and plan["bounces"] == 0:
         out.cannot("mirrors and glass are black without bounces here, and not in Mitsuba", "materials", int(used[specular][0]))
-    elif matt.any() and plan["bounces"] > 0 and not plan["interreflection"]:
+    elif diffuse.any() and plan["bounces"] > 0 and not plan["interreflection"]:
         out.cannot(
-            "rays go on at mirrors and glass only: Mitsuba's paths go on at matt surfaces too", "materials", int(used[matt][0]),
+            "rays go on at mirrors and glass only: Mitsuba's paths go on at matt surfaces too", "materials", int(used[diffuse][0]),
             "--bounces makes matt surfaces light each other here, too",
         )  # fmt: skip
     _check_inside_glass(out, plan)

@@ -32,9 +32,9 @@ class Shapes:
     def nodes(self) -> list[Node]:
         """Shapes in instance order, without those of lights, which `of_light` gives."""
         seen = np.flatnonzero(self.tables.instances.light < 0).tolist()
-        return [shape for i in seen for shape in self.of(i)]
+        return [shape for i in seen for shape in self.shapes_of(i)]
 
-    def of(self, i: int) -> list[Node]:
+    def shapes_of(self, i: int) -> list[Node]:
         tables = self.tables
         instances, geometries = tables.instances, tables.geometries
         g, material = int(instances.geometry[i]), int(instances.material[i])

@@ -56,10 +56,10 @@ def _check_plan(out: Export, plan: Plan) -> None:
     out.without_opacity()
     out.without_links()
     without_fog(out)
-    matt = tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
+    diffuse = tables.materials.values[:, ir.Slot.DIFFUSE].max(axis=1, initial=0.0) > 0
     used = np.unique(tables.instances.material)
-    if plan["interreflection"] and matt[used].any():
-        out.cannot("matt surfaces light each other here, and not in POV-Ray", "materials", int(used[matt[used]][0]))
+    if plan["interreflection"] and diffuse[used].any():
+        out.cannot("matt surfaces light each other here, and not in POV-Ray", "materials", int(used[diffuse[used]][0]))
 
 
 def _settings(plan: Plan) -> str:

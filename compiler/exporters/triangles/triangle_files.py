@@ -35,7 +35,7 @@ def export(job: ExportJob, form: Format) -> Export:
     """The file of a scene. Raises ExportError for a scene without a bounded surface."""
     out = Export(job.scene)
     parts, diagnostics = job.parts()
-    out.found += diagnostics
+    out.diagnostics += diagnostics
     if not parts:
         raise ExportError("the scene has no bounded surface to write", out)
     _report_losses(out, parts, job.ending, form)

@@ -16,7 +16,7 @@ End = Callable[[str], None]
 def parse(data: bytes, what: str, start: Start, end: End, text: Callable[[str], None] | None = None) -> None:
     """Call `start` and `end` for each element, and `text` for what stands between.
 
-    Raises AssemblyError, with the line, for what is no XML, has a document type or nests too deeply, and for errors of the callbacks.
+    Raises AssemblyError, with the line, for what is not XML, has a document type or nests too deeply, and for errors of the callbacks.
     """
     parser = expat.ParserCreate(namespace_separator="}")
     depth = 0
@@ -49,7 +49,7 @@ def parse(data: bytes, what: str, start: Start, end: End, text: Callable[[str], 
         raise AssemblyError(f"line {parser.CurrentLineNumber} of {what}: {failure}") from None
     except expat.ExpatError as failure:
         reason = expat.errors.messages.get(failure.code, "wrong syntax")
-        raise AssemblyError(f"line {failure.lineno} of {what} is no XML: {reason}") from None
+        raise AssemblyError(f"line {failure.lineno} of {what} is not XML: {reason}") from None
     except (ValueError, LookupError, TypeError) as failure:  # of an encoding
         raise AssemblyError(f"line {parser.CurrentLineNumber} of {what} cannot be read ({type(failure).__name__})") from None
 

@@ -46,11 +46,11 @@ def parts(file: MeshFile) -> list[Part]:
 
 
 def read(data: bytes, warn: Warn) -> Assembly:
-    """The assembly of a 3MF file. `warn` is told what is left out. Raises AssemblyError."""
+    """The assembly of a 3MF file. `warn` gets a message for each part that is left out. Raises AssemblyError."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
     except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError, EOFError):
-        raise AssemblyError("this is no 3MF file: it is no zip archive") from None
+        raise AssemblyError("this is not a 3MF file: it is not a zip archive") from None
     package = _Package(archive)
     models = _Models(package, warn)
     root = models.load(package.root())
@@ -144,7 +144,7 @@ class _Model:
         except KeyError as missing:
             raise AssemblyError(f"a `{tag}` has no attribute {missing}") from None
         except ValueError:
-            raise AssemblyError(f"an attribute of a `{tag}` is no number") from None
+            raise AssemblyError(f"an attribute of a `{tag}` is not a number") from None
 
     def end(self, name: str) -> None:
         tag = safe_xml.local(name)[1]

@@ -24,7 +24,7 @@ def find(name: str, folder: Path | None, files: Files, what: str) -> Path:
     raise failure or FileError(f"there is no {what} `{name}`")
 
 
-def found(name: str, folder: Path) -> Path | None:
+def existing_path(name: str, folder: Path) -> Path | None:
     """The path of the first candidate of `find` that exists; None for none. The caller decides whether it may be read."""
     with suppress(OSError, ValueError):  # a name that no file can have
         return next((path for tried in _spelled(name, folder) if (path := folder / tried).is_file()), None)

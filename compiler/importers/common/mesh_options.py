@@ -15,11 +15,11 @@ class MeshOptions:
     repair: bool | None = None  # merge vertices, wind faces one way and outwards, fill holes
     deviation: float | None = None  # metres: greatest distance of generated triangles from the true surface
 
-    def given(self) -> list[str]:
+    def option_names(self) -> list[str]:
         """Names on the command line of the options about files that are not at their default."""
         return [name for name in ("unit", "up", "animation", "repair") if getattr(self, name) is not None]
 
     def words(self) -> list[str]:
         """The same options as words of a command line."""
-        values = {name: getattr(self, name) for name in self.given()}
+        values = {name: getattr(self, name) for name in self.option_names()}
         return [word for name, value in values.items() for word in ((f"--{name}",) if value is True else (f"--{name}", str(value)))]

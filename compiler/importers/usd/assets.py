@@ -96,7 +96,7 @@ def asset(value: Any, warnings: Warnings, prim: Any, what: str = "picture") -> A
 def _otherwise_spelled(written: str, prim: Any) -> str:
     """The path of a file that is named with backslashes or in another case beside a layer of the prim; "" for none."""
     folders = (Path(spec.layer.realPath).parent for spec in prim.GetPrimStack() if spec.layer.realPath)
-    return next((str(path) for folder in dict.fromkeys(folders) if (path := file_names.found(written, folder)) is not None), "")
+    return next((str(path) for folder in dict.fromkeys(folders) if (path := file_names.existing_path(written, folder)) is not None), "")
 
 
 def _layer(prim: Any) -> Any:

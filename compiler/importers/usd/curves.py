@@ -74,7 +74,7 @@ def mesh(
         colors = _reader_of_points(prim, time, len(points), diagnostics, span).primvar(color_name, 3)
         return strands.balls(centers, radii, None if colors is None else colors[sound]) if len(centers) else None
     counts = stage.numbers(prim.GetAttribute("curveVertexCounts"), time, np.int64)
-    counts = _fitting(counts, len(points), diagnostics, span)
+    counts = stage.fitted_counts(counts, len(points), ("the vertex counts of the curves", "points", "curves"), diagnostics, span)
     damaged = np.unique(np.repeat(np.arange(len(counts)), counts)[~np.isfinite(points[: counts.sum()]).all(axis=1)])
     if len(damaged):
         diagnostics.warning(f"{len(damaged)} of {len(counts)} curves have points that are not finite: they are left out", span)
@@ -106,16 +106,6 @@ def mesh(
     if facing is not None:
         return strands.ribbons(polylines, facing.astype(np.float64), uvs, colors)
     return strands.tubes(polylines, uvs, colors)
-
-
-def _fitting(counts: I64, points: int, diagnostics: Diagnostics, span: Span) -> I64:
-    """Vertex counts of curves; 0, with a warning, for negative ones and from the first on whose points are not there."""
-    fitted = np.maximum(counts, 0)
-    fitted = np.where(np.cumsum(fitted) <= points, fitted, 0)
-    if fitted.sum() != points or (fitted != counts).any():
-        message = f"the vertex counts of the curves add up to {counts.sum()} and there are {points} points"
-        diagnostics.warning(f"{message}: {np.count_nonzero(fitted)} of {len(counts)} curves are drawn", span)
-    return fitted
 
 
 def balls(prim: Any, time: Any, diagnostics: Diagnostics, span: Span) -> tuple[F64, F64, np.ndarray]:

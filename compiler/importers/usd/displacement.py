@@ -41,7 +41,7 @@ def displaced(faces: Faces, heights: float | tuple[TextureData, np.ndarray], met
         return faces
     else:
         mapping, texels = heights
-        corners = sample(mapping, texels, _at_corners(mesh.uvs, np.asarray(mesh.counts), indices))
+        corners = sample(mapping, texels, polygon_mesh.corner_values(mesh.uvs, np.asarray(mesh.counts), indices))
         total = np.bincount(of_point[indices], corners, len(places))
         height = total / np.maximum(np.bincount(of_point[indices], minlength=len(places)), 1)
     moved = np.array(mesh.points, np.float64)
@@ -69,15 +69,6 @@ def _welded(points: F64, used: np.ndarray, of_point: np.ndarray, count: int) -> 
 def _normals(mesh: polygon_mesh.PolyMesh) -> np.ndarray:
     cut = triangulate.faces(mesh.points, mesh.indices, mesh.counts)
     return vertex_normals.vertex_normals(mesh.points, np.asarray(mesh.indices)[cut.corners])
-
-
-def _at_corners(attribute: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
-    values, kind = np.asarray(attribute.values, np.float64), attribute.interpolation
-    if kind == ir.Interpolation.CORNER:
-        return values
-    if kind == ir.Interpolation.VERTEX:
-        return values[indices]
-    return np.repeat(values, counts, axis=0) if kind == ir.Interpolation.FACE else np.tile(values[:1], (len(indices), 1))
 
 
 def sample(mapping: TextureData, texels: np.ndarray, uvs: F64) -> F64:

@@ -178,12 +178,8 @@ def mesh(
 
 
 def _fitting(counts: np.ndarray, indices: np.ndarray, diagnostics: Diagnostics, span: Span) -> tuple[np.ndarray, np.ndarray]:
-    """Face counts that add up to the indices: 0, with a warning, for negative ones and from the first on whose indices are not there."""
-    fitted = np.maximum(counts, 0)
-    fitted = np.where(np.cumsum(fitted) <= len(indices), fitted, 0)
-    if fitted.sum() != len(indices) or (fitted != counts).any():
-        message = f"the face counts add up to {counts.sum()} and there are {len(indices)} indices"
-        diagnostics.warning(f"{message}: {np.count_nonzero(fitted)} of {len(counts)} faces are drawn", span)
+    """Face counts that add up to the indices, and the indices; see `stage.fitted_counts`."""
+    fitted = stage.fitted_counts(counts, len(indices), ("the face counts", "indices", "faces"), diagnostics, span)
     return fitted, indices[: fitted.sum()]
 
 

@@ -125,7 +125,7 @@ def _in_metres(opened: Opened) -> np.ndarray:
 def _fit(opened: Opened, root: Any, placed: Placed, builder: SceneBuilder) -> np.ndarray | None:
     """The transform that gives what is drawn of a prim the height of `placed`; see fit_height. None if it has none.
 
-    The stage is read for it into a builder of its own, whose diagnostics are told: the second reading may not repeat them.
+    The stage is read for it into a separate builder, whose diagnostics are added: the second reading may not repeat them.
     """
     measured = SceneBuilder(Diagnostics(), builder.files)
     walk = Walk(opened, measured, unit=opened.meters_per_unit)

@@ -71,7 +71,7 @@ def alias(node: Any, name: str) -> Any:
 
 
 def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None]) -> dict[str, Any]:
-    """The inputs of UsdPreviewSurface that a surface of MODELS gives. Every other authored input is told."""
+    """The inputs of UsdPreviewSurface that a surface of MODELS gives. A warning names every other authored input."""
     model, inputs = MODELS[kind], {}
     for name, (source_name, default) in model.inputs.items():
         value = source(shader.GetInput(source_name), default)
@@ -101,7 +101,7 @@ def _scaled(value: Any, weight: float) -> Any:
 
 
 def through(node: Any, kind: str, output: str, source: Source, fallback: Any) -> Any:
-    """What nodes pass on that are no pictures: constants, conversions, single channels, normal maps; NotImplemented for others."""
+    """The values of nodes that pass others on: constants, conversions, single channels, normal maps. NotImplemented for other nodes."""
     if kind.startswith("ND_constant_"):
         return source(node.GetInput("value"), fallback)
     if kind.startswith(("ND_convert_", "ND_dot_")):

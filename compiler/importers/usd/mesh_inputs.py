@@ -12,9 +12,8 @@ import numpy as np
 from pxr import UsdGeom
 
 from ....lang.diagnostics import Diagnostics, Span
-from ... import ir
 from ...ir import F64
-from ...scene.row_records import MeshAttribute
+from ...mesh.polygon_mesh import corner_values
 from ..common import uv_sets
 from . import geometry, stage
 from .materials import DISPLAY_COLOR, DISPLAY_OPACITY, Materials
@@ -74,12 +73,13 @@ def parts(network: Network | None, prim: Any, read: geometry.Reads, faces: np.nd
         primvar = geometry.primvar(UsdGeom.PrimvarsAPI(prim), str(read.uv), time, 2, points, counts, Diagnostics(), Span(""))
         if primvar is None:
             return [Part(faces, fit)]
-        return _by_tiles(_at_corners(primvar, counts, np.clip(indices, 0, points - 1)), counts, faces, fit, tiled, materials)
+        values = corner_values(primvar, counts, np.clip(indices, 0, points - 1)).astype(np.float64)
+        return _by_tiles(values, counts, faces, fit, tiled, materials)
     api, coordinates = UsdGeom.PrimvarsAPI(prim), {}
     for name in (str(read.uv), *others):
         primvar = geometry.primvar(api, name, time, 2, points, counts, Diagnostics(), Span(""))
         if primvar is not None:
-            coordinates[name] = _at_corners(primvar, counts, np.clip(indices, 0, points - 1))
+            coordinates[name] = corner_values(primvar, counts, np.clip(indices, 0, points - 1)).astype(np.float64)
     present = [name for name in others if name in coordinates]
     maps: dict[str, np.ndarray | None] = dict.fromkeys(others)
     if read.uv not in coordinates or not present:
@@ -123,12 +123,3 @@ def _by_tiles(
             parts.append(Part(None if is_everything else chosen, replace(fit, tiles=tiles), "" if is_everything else name))
     return parts
 
-
-def _at_corners(attribute: MeshAttribute, counts: np.ndarray, indices: np.ndarray) -> F64:
-    """Values (c, 2) of a primvar at the corners of the faces."""
-    values, kind = np.asarray(attribute.values, np.float64), attribute.interpolation
-    if kind == ir.Interpolation.CONSTANT:
-        return np.tile(values[:1], (len(indices), 1))
-    if kind == ir.Interpolation.FACE:
-        return np.repeat(values, counts, axis=0)
-    return values[indices] if kind == ir.Interpolation.VERTEX else values

@@ -46,7 +46,7 @@ def read(opened: Opened, options: StageOptions, builder: SceneBuilder) -> StageS
         return _over(StageSettings(), options)
     prim = opened.stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
     if not prim or not prim.IsA(UsdRender.SettingsBase):
-        message = f"`{path}` is no RenderSettings or RenderProduct prim"
+        message = f"`{path}` is not a RenderSettings or RenderProduct prim"
         if options.render_settings:
             paths = [str(p.GetPath()) for p in opened.stage.TraverseAll() if p.IsA(UsdRender.SettingsBase)]
             builder.diagnostics.error(message, span, f"the stage has {', '.join(paths[:12])}" if paths else "the stage has none")

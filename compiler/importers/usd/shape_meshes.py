@@ -24,7 +24,7 @@ _CUBE_FACES = np.array([(0, 1, 2, 3), (4, 5, 6, 7), (0, 6, 5, 1), (4, 7, 3, 2), 
 
 
 def is_wanted(prim: Any, reads: Reads, diagnostics: Diagnostics, span: Span) -> bool:
-    """Whether primvars that a material reads vary over a shape. A shape that is no cube and no plane gets a warning instead."""
+    """Whether primvars that a material reads vary over a shape. A shape that is neither a cube nor a plane gets a warning instead."""
     api, varying = UsdGeom.PrimvarsAPI(prim), []
     for name in (reads.uv, reads.color):
         authored = api.GetPrimvar(name) if name else None

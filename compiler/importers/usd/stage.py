@@ -95,7 +95,7 @@ def value(attribute: Any, time: Any) -> Any:
 
 def _fallback(attribute: Any) -> Any:
     """The schema's default of an attribute whose value has another type, with a warning; None without one."""
-    Tf.Warn(f"the value of <{attribute.GetPath()}> is no {attribute.GetTypeName()}: its default is drawn")
+    Tf.Warn(f"the value of <{attribute.GetPath()}> is not of the type {attribute.GetTypeName()}: its default is drawn")
     return attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
 
 
@@ -125,6 +125,19 @@ def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarra
 _LINEAR = Gf.ColorSpace(Gf.ColorSpaceNames.LinearRec709)
 _SAME_SPACES = ("", "lin_rec709_scene", "lin_rec709", "lin_srgb", "raw", "data", "identity", "unknown", "auto")
 _OTHER_NAMES = {"sRGB": "srgb_rec709_scene", "srgb": "srgb_rec709_scene", "srgb_texture": "srgb_rec709_scene", "acescg": "lin_ap1_scene"}
+
+
+def fitted_counts(counts: np.ndarray, total: int, words: tuple[str, str, str], diagnostics: Diagnostics, span: Span) -> np.ndarray:
+    """Counts (n,) that add up to `total`: 0, with a warning, for negative ones and from the first on whose items are missing.
+
+    `words` name the counts, the items and the parts that a count makes.
+    """
+    fitted = np.maximum(counts, 0)
+    fitted = np.where(np.cumsum(fitted) <= total, fitted, 0)
+    if fitted.sum() != total or (fitted != counts).any():
+        message = f"{words[0]} add up to {counts.sum()} and there are {total} {words[1]}"
+        diagnostics.warning(f"{message}: {np.count_nonzero(fitted)} of {len(counts)} {words[2]} are drawn", span)
+    return fitted
 
 
 def linear(attribute: Any, values: np.ndarray) -> np.ndarray:
@@ -269,7 +282,7 @@ def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Di
     """The stage of a layer, with its session layer and population mask. None after an error. See repair.layers for `stand_ins`."""
     bad = [p for p in options.mask if not (Sdf.Path.IsValidPathString(p) and Sdf.Path(p).IsAbsoluteRootOrPrimPath())]
     if bad:
-        diagnostics.error(f"`{bad[0]}` is no path of a prim", span, "write --mask /World/Chair")
+        diagnostics.error(f"`{bad[0]}` is not a path of a prim", span, "write --mask /World/Chair")
         return None
     if why := crate_check.fault(path):
         diagnostics.error(f"cannot read the stage `{path.name}`: {why}", span)

@@ -168,7 +168,7 @@ class Walk:
                     self._instancer(UsdGeom.PointInstancer(prim), now, into)
                 elif now is not None:
                     self._prim(prim, kind, now, into)
-            except (Tf.ErrorException, TypeError, ValueError) as failure:  # values of other types and names that are no text
+            except (Tf.ErrorException, TypeError, ValueError) as failure:  # values of other types and names that are not text
                 self.builder.diagnostics.warning(left_out(failure, self.opened.path), self.opened.span(prim))
                 continue
             if now is None or kind == "PointInstancer" or (prim.IsInstance() and self._shares(prim, now, into)):
@@ -280,7 +280,7 @@ class Walk:
         count = len(numbers(prim.GetAttribute("faceVertexCounts"), self.opened.time, np.int64))
         outside = sum(int(((faces < 0) | (faces >= count)).sum()) for faces in taken)
         if outside:
-            self.materials.tell(f"{outside} indices of the subsets of this mesh are no faces of it: they are left out", prim)
+            self.materials.tell(f"{outside} indices of the subsets of this mesh are not faces of it: they are left out", prim)
         rest = np.setdiff1d(np.arange(count), np.concatenate(taken))
         return pieces + (self._part(prim, prim, rest, "rest", matrix) if len(rest) else [])
 

@@ -102,7 +102,7 @@ def test_a_kept_picture_decides_the_size(scene: Path) -> None:
     ("arguments", "message"),
     [
         (("empty",), "Error: there is no .scene file in empty"),
-        (("a.txt",), "Error: a.txt is no scene: it ends in "),
+        (("a.txt",), "Error: a.txt is not a scene: it ends in "),
     ],
 )
 def test_wrong_usage(scene: Path, arguments: tuple[str, ...], message: str) -> None:

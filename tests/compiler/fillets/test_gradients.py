@@ -19,7 +19,7 @@ SHAPES = {
 
 def check(b: Builder, name: int, at: np.ndarray, tolerance: float = 1e-6) -> None:
     gradients = Gradients(b, 1e-6)
-    found = gradients.of(name)
+    found = gradients.gradient_of(name)
     values = [gradients.value(term, found.over) for term in found.along]
     symbolic = np.stack(numpy_interpreter.points(b.finish(*values), *at))
     numeric = numpy_interpreter.gradients(b.finish(name), *at)[1]
@@ -49,12 +49,12 @@ def test_the_gradient_of_an_arc_has_its_direction():
     """Of unit gradients: the direction of the shortest vector; where no arc is, that of the larger operand."""
     b = Builder()
     p, q = b.linear([(-1.0, solid_fields.length(b, (0, 1, 2)))], 1.0), b.linear([(-0.6, 0), (-0.8, 1)], 0.4)
-    normals = [Gradients(b, 1e-6).of(name) for name in (p, q)]
+    normals = [Gradients(b, 1e-6).gradient_of(name) for name in (p, q)]
     at = np.random.default_rng(3).uniform(0.1, 0.9, (3, 4000))
     cosine = Gradients(b, 1e-6).dot(*normals)
     name = b.op(Op.ARC, p, q, Gradients(b, 1e-6).value(cosine.along[0], cosine.over))
     gradients = Gradients(b, 1e-6)
-    found = gradients.of(name)
+    found = gradients.gradient_of(name)
     symbolic = np.stack(numpy_interpreter.points(b.finish(*(gradients.value(term, found.over) for term in found.along)), *at))
     values = np.stack(numpy_interpreter.points(b.finish(p, q), *at))
     single = (values.max(axis=0) > 0) & (values.min(axis=0) < -0.9 * values.max(axis=0))
@@ -68,4 +68,4 @@ def test_noise_and_steps_count_as_constant():
     b = Builder()
     smooth = solid_fields.length(b, (0, 1, 2))
     bumpy = b.add(smooth, b.add(b.op(Op.NOISE, 0, 1, 2), b.op(Op.FLOOR, 0)))
-    assert Gradients(b, 1e-3).of(bumpy) == Gradients(b, 1e-3).of(smooth)
+    assert Gradients(b, 1e-3).gradient_of(bumpy) == Gradients(b, 1e-3).gradient_of(smooth)

@@ -116,8 +116,8 @@ def test_sheets_have_a_field_whose_sign_changes():
     [
         ("x", "a surface's formula is a relation, and this one gives a number"),
         ("x == 1 and y < 2", "`==` cannot be part of a larger relation: it holds on a surface, which has no inside"),
-        ("max(x^2 - 1, 0) == 0", "both sides of this `==` are equal all over a region: that is no surface"),
-        ("abs(x - y) == x - y", "both sides of this `==` are equal all over a region: that is no surface"),
+        ("max(x^2 - 1, 0) == 0", "both sides of this `==` are equal all over a region: that is not a surface"),
+        ("abs(x - y) == x - y", "both sides of this `==` are equal all over a region: that is not a surface"),
         ("mod(y, 0.1) == 0", "a `mod` that is compared with 0 jumps where it is 0, and passes through it nowhere"),
         ("x != 1", "`!=` cannot be part of a larger relation: it holds on a surface, which has no inside"),
     ],

@@ -118,7 +118,7 @@ end_header
     [
         (lambda d: d[:-5], "a.ply: warning: the PLY file ends in the middle of its `face` rows: it promises 2 and has 1"),
         (lambda d: d[:300], "a.ply: error: the PLY file has no line `end_header` in its first 65,536 bytes"),
-        (lambda d: b"plx" + d[3:], "a.ply: error: this is no PLY file: it does not begin with a PLY header"),
+        (lambda d: b"plx" + d[3:], "a.ply: error: this is not a PLY file: it does not begin with a PLY header"),
         (lambda d: d.replace(b"property float z", b"property foat z"),
          "a.ply: warning: the PLY header has a property of no known type, which is read as a number: `property foat z`"),
         (lambda d: d.replace(b"element vertex", b"remark\nelement vertex"),
@@ -238,7 +238,7 @@ def test_the_name_of_an_stl_may_be_any_text(name):
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        (b"rubbish" * 3, "a.stl: error: this is no STL file: it is neither binary nor does it begin with `solid`"),
+        (b"rubbish" * 3, "a.stl: error: this is not an STL file: it is neither binary nor does it begin with `solid`"),
         (b"x" * 80 + struct.pack("<I", 7) + b"y" * 40, "a.stl: error: the STL file ends early: it promises 7 triangles and holds 0"),
         (b"solid\nvertex 1 2 x\n", "a.stl: error: the STL file has 1 vertices, which make no whole number of triangles"),
         (b"   ", "a.stl: error: `a.stl` is empty"),
@@ -306,7 +306,7 @@ def test_stl_attributes_that_are_no_colours(tmp_path):
     rows["corners"][1, 0, 0] = np.nan
     _, _, messages = read(b" " * 80 + struct.pack("<I", 2) + rows.tobytes(), "a.stl")
     assert messages == [
-        "a.stl: warning: the attribute bytes of the triangles are no colours: they are left out",
+        "a.stl: warning: the attribute bytes of the triangles are not colours: they are left out",
         "a.stl: warning: 1 of 2 triangles have corners that are not finite: they are left out",
     ]
 
@@ -435,8 +435,8 @@ def test_broken_glb(change, expected):
         ({"nodes": [{}], "scenes": [{"nodes": [0] * 200_001}]}, ["the glTF file has more than 200,000 nodes: the rest is left out"]),
         ({"bufferViews": []}, [f"primitive 0 of `sq` is left out: {INDEX}"]),
         ({"bufferViews": [{"buffer": 0, "byteOffset": 9999}] * 3}, [f"primitive 0 of `sq` is left out: {OUTSIDE}"]),
-        ({"scenes": [7]}, ["`scenes[0]` is no object: it is left out"]),
-        ({"nodes": "x"}, ["`nodes` is no list: it is left out", f"node 1 is left out: {INDEX}"]),
+        ({"scenes": [7]}, ["`scenes[0]` is not an object: it is left out"]),
+        ({"nodes": "x"}, ["`nodes` is not a list: it is left out", f"node 1 is left out: {INDEX}"]),
     ],
 )  # fmt: skip
 def test_a_glb_without_a_sound_mesh(change, expected):
@@ -560,7 +560,8 @@ def test_extensions_of_another_type_are_left_out():
     document["nodes"][0]["extensions"], document["extensions"] = "x", {"KHR_lights_punctual": 7}
     _, parts, messages = read(glb(document, binary), "a.glb")
     assert messages[:2] == [
-        "a.glb: warning: `KHR_lights_punctual` is no object: it is left out", "a.glb: warning: `extensions` is no object: it is left out"
+        "a.glb: warning: `KHR_lights_punctual` is not an object: it is left out",
+        "a.glb: warning: `extensions` is not an object: it is left out"
     ]  # fmt: skip
     assert len(parts) == 2
 
@@ -733,7 +734,7 @@ def test_no_glb(data):
 
 
 def test_an_unknown_ending():
-    assert read(b"x", "a.max")[2] == ["a.max: error: `a.max` is no mesh file that is known"]
+    assert read(b"x", "a.max")[2] == ["a.max: error: `a.max` is not a mesh file of a known format"]
 
 
 def extended(**extensions):
@@ -994,7 +995,7 @@ def test_off():
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        (b"rubbish", "error: this is no OFF file: it does not begin with `OFF`"),
+        (b"rubbish", "error: this is not an OFF file: it does not begin with `OFF`"),
         (b"OFF\n4 1 0\n0 0 0\n1 0 0\n",
          "warning: the OFF file ends early: it promises 4 vertices and 1 faces and holds 2 and 0"),
         (b"OFF BINARY\n", "error: OFF files in binary or of another dimension than 3 are not read"),

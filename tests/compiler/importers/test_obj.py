@@ -134,11 +134,11 @@ FORMS = ": v, v/vt, v//vn or v/vt/vn, whole numbers"
         ("v 0 0 0\nv 1 0 zero\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n", ["x.obj:2:1: warning: malformed line: `v` needs 3 numbers or more"]),
         ("v 0 0 0\nv 1 0\nv 1 1 0\nv 1\nv 0 1 0\nf 1 2 3\nf 1 3 5\n", [
             "x.obj:2:1: warning: malformed line: `v` needs 3 numbers or more, got 2; so is 1 more line"]),
-        (SQUARE + "f 1 2 x\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `x` is no corner of a face" + FORMS]),
-        (SQUARE + "f 1 2 3.5\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `3.5` is no corner of a face" + FORMS]),
-        (SQUARE + "f 1/1/1/1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `1/1/1/1` is no corner of a face" + FORMS]),
+        (SQUARE + "f 1 2 x\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `x` is not a corner of a face" + FORMS]),
+        (SQUARE + "f 1 2 3.5\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `3.5` is not a corner of a face" + FORMS]),
+        (SQUARE + "f 1/1/1/1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: malformed line: `1/1/1/1` is not a corner of a face" + FORMS]),
         (SQUARE + "fx 1 2 3\nf 1 2 3\n", ["x.obj:5:1: warning: OBJ has no keyword `fx`: the line is left out"]),
-        ("hello\n", ["x.obj: error: this is no OBJ file: it has neither vertices nor faces"]),
+        ("hello\n", ["x.obj: error: this is not an OBJ file: it has neither vertices nor faces"]),
         ("", ["x.obj: error: `x.obj` is empty"]),
         (SQUARE + "l 1 2\n", [
             "x.obj: error: the OBJ file has no faces that can be drawn\n  a face is a line like `f 1 2 3`",

@@ -43,6 +43,6 @@ def test_rows_of_the_library_have_the_place_of_the_call(tmp_path: Path) -> None:
     loaded = maquette.load(scene, diagnostics=found)
     assert not found.items
     for table, line in (("instances", 3), ("lights", 4)):
-        places = {str(loaded.spans.at(table, row)) for row in range(len(getattr(loaded.tables, table)[0]))}
+        places = {str(loaded.spans.get(table, row)) for row in range(len(getattr(loaded.tables, table)[0]))}
         assert f"{scene}:{line}:1" in places
         assert not [place for place in places if place.startswith("std/")]

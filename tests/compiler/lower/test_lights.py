@@ -208,7 +208,7 @@ def test_lights_without_shadows(compiled) -> None:
             "error: the spot fades over 20deg, more than its cone of 10deg",
             "make soft less",
         ),
-        ("spot([0,2,0], cone: 1e-9deg)", "error: the spot's cone of 1e-09deg is too narrow to be told from none", ""),
+        ("spot([0,2,0], cone: 1e-9deg)", "error: the spot's cone of 1e-09deg is too narrow to be distinguished from none", ""),
         ("spot([0,2,0], look_at: [0,2,0])", "error: the spot looks at where it is: it has no direction", "give it another look_at"),
         ("area([0,2,0], look_at: [0,2,0])", "error: the area light looks at where it is: it has no direction", "give it another look_at"),
         (

@@ -50,7 +50,7 @@ def test_a_damaged_ball_is_mended(random: object) -> None:
     faces = np.concatenate([faces, faces[: rng.integers(0, 5)]])
     points, faces = BALL.vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
     made, said = repaired(points + rng.normal(size=points.shape) * 1e-8, faces)
-    if not said.left:
+    if not said.unrepaired:
         assert volume(made) == pytest.approx(BALL.volume, rel=0.02)
     assert said.done or not turned.any()
 
@@ -81,7 +81,7 @@ def test_any_triangles_are_taken(faces: list[tuple[int, int, int]], random: obje
 )
 def test_each_repair_is_named(faces: np.ndarray, done: list[str], left: list[str]) -> None:
     made, said = repaired(BOX.vertices, faces)
-    assert (said.done, said.left) == (done, left)
+    assert (said.done, said.unrepaired) == (done, left)
     assert left or volume(made) == pytest.approx(1.0)
 
 
@@ -93,7 +93,7 @@ def test_a_mobius_strip_has_one_side() -> None:
     points = np.concatenate([middle - half, middle + half])
     faces = [(k, k + 1, n + k + 1, n + k) for k in range(n - 1)] + [(n - 1, n, 0, 2 * n - 1)]
     made, said = repaired(points, np.array(faces))
-    assert "1 surface has one side alone, as a Möbius strip" in said.left
+    assert "1 surface has one side alone, as a Möbius strip" in said.unrepaired
     assert not any("turned" in word for word in said.done)
     assert len(made.counts)
 
@@ -121,7 +121,7 @@ def test_sheets_beside_each_other_stay_open() -> None:
     """Leaves of a tree: the outline of each is no hole, however small it is beside the whole."""
     offsets = np.repeat(np.arange(50.0) * 3.0, 3)[:, None] * [1.0, 0.0, 0.0]
     _, said = repaired(np.tile([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], (50, 1)) + offsets, np.arange(150).reshape(-1, 3))
-    assert (said.done, said.left) == ([], ["50 holes are left: they are larger than half of the surface"])
+    assert (said.done, said.unrepaired) == ([], ["50 holes are left: they are larger than half of the surface"])
 
 
 def test_attributes_follow_their_corners() -> None:
@@ -144,7 +144,7 @@ def test_equal_points_alone_need_no_repair() -> None:
     mesh = mesh_of(points, np.arange(36).reshape(-1, 3))
     made, source, said = repair.repaired(mesh)
     assert made is mesh
-    assert (source, said.done, said.left) == (None, [], [])
+    assert (source, said.done, said.unrepaired) == (None, [], [])
 
 
 CUBE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"

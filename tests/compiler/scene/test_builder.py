@@ -198,8 +198,8 @@ def test_rows_keep_where_they_come_from() -> None:
     builder.instance(InstanceData(builder.mesh(triangle(), SPAN)), SPAN)
     builder.instance(InstanceData(builder.mesh(triangle(1.0))))
     scene = builder.finish()
-    assert scene.spans.at("instances", 0) == scene.spans.at("geometries", 0) == SPAN
-    assert scene.spans.at("instances", 1) is scene.spans.at("instances", 2) is scene.spans.at("nonsense", 0) is None
+    assert scene.spans.get("instances", 0) == scene.spans.get("geometries", 0) == SPAN
+    assert scene.spans.get("instances", 1) is scene.spans.get("instances", 2) is scene.spans.get("nonsense", 0) is None
 
 
 KINDS = ir.GeometryKind
@@ -271,5 +271,5 @@ def test_instances_together_leave_out_those_without_a_geometry_or_transform() ->
     builder.instances([ball, -1, ball, ball], [0, 0, -1, 0], [-1, -1, -1, -1], ["a", "b", "c", "d"], [SPAN, None, None, None])
     scene = builder.finish("")
     assert scene.names.instances == ("a", "d")
-    assert scene.spans.at("instances", 0) == SPAN
-    assert scene.spans.at("instances", 1) is None
+    assert scene.spans.get("instances", 0) == SPAN
+    assert scene.spans.get("instances", 1) is None

@@ -41,7 +41,7 @@ def test_names_stand_for_what_is_below_them(scene, only: list[str], without: lis
     validate(found, diagnostics)
     assert diagnostics.items == []
     rows = [scene.names.instances.index(name) for name in found.names.instances]
-    assert [found.spans.at("instances", k) for k in range(len(rows))] == [scene.spans.at("instances", row) for row in rows]
+    assert [found.spans.get("instances", k) for k in range(len(rows))] == [scene.spans.get("instances", row) for row in rows]
 
 
 @pytest.mark.parametrize(

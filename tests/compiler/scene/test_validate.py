@@ -89,14 +89,14 @@ def test_a_good_scene_is_the_very_same() -> None:
 @pytest.mark.parametrize(
     ("table", "column", "row", "value", "message"),
     [
-        ("instances", "geometry", 0, 99, "instance `tile`: its geometry is no row of geometries"),
-        ("instances", "geometry", 0, -1, "instance `tile`: its geometry is no row of geometries"),
-        ("instances", "transform", 1, 7, "instance: its transform is no row of transforms"),
-        ("instances", "material", 0, 5, "instance `tile`: its material is no row of materials"),
-        ("instances", "light", 0, 9, "instance `tile`: its light is no row of lights"),
+        ("instances", "geometry", 0, 99, "instance `tile`: its geometry is not a row of geometries"),
+        ("instances", "geometry", 0, -1, "instance `tile`: its geometry is not a row of geometries"),
+        ("instances", "transform", 1, 7, "instance: its transform is not a row of transforms"),
+        ("instances", "material", 0, 5, "instance `tile`: its material is not a row of materials"),
+        ("instances", "light", 0, 9, "instance `tile`: its light is not a row of lights"),
         ("instances", "visible", 0, 8, "instance `tile`: its visibility has bits that mean nothing"),
         ("attributes", "interpolation", 0, 4, "attribute `normals`: its interpolation is none of constant, face, vertex, corner"),
-        ("geometries", "normals", 0, 3, "shape `tile`: its normals is no row of attributes"),
+        ("geometries", "normals", 0, 3, "shape `tile`: its normals is not a row of attributes"),
         ("geometries", "first_triangle", 0, 1, "shape `tile`: its range of triangle rows is not in the pool"),
         ("geometries", "vertex_count", 0, 2**31 - 1, "shape `tile`: its range of vertex rows is not in the pool"),
         ("geometries", "parameters", 1, 0, "shape: its measures are not finite, or not above 0"),
@@ -107,7 +107,7 @@ def test_a_good_scene_is_the_very_same() -> None:
         ("images", "width", 0, 100, "image `white`: its pixels are not among the texels"),
         ("images", "first", 0, -1, "image `white`: its pixels are not among the texels"),
         ("materials", "model", 0, 99, "material: its model is none of " + ", ".join(m.name.lower() for m in ir.MaterialModel)),
-        ("materials", "textures", 0, 2, "material: its textures is no row of textures"),
+        ("materials", "textures", 0, 2, "material: its textures is not a row of textures"),
         ("materials", "values", 0, np.nan, "material: its values is not a finite number"),
         ("materials", "values", 0, -0.5, "material: it has a negative coefficient"),
         ("textures", "image", 0, -1, "texture: it has no picture"),
@@ -140,7 +140,7 @@ def test_what_cannot_be_repaired(table: str, column: str, row: int, value: float
 def test_messages_point_at_the_source() -> None:
     checked = scene(lambda t: t["instances"]["geometry"].__setitem__(slice(0, 2), 99))
     (found,) = validate.validate(checked)[1].items
-    assert (found.message, found.span) == ("instance `tile`: its geometry is no row of geometries (and 1 more)", SPAN)
+    assert (found.message, found.span) == ("instance `tile`: its geometry is not a row of geometries (and 1 more)", SPAN)
 
 
 def test_tables_must_have_one_length_and_type() -> None:

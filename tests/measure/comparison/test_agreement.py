@@ -64,7 +64,7 @@ def test_the_difference_lies_on_what_raster_does_not_draw(name: str) -> None:
     assert found.b.notes == ()
     noted = {note.span for note in found.a.notes}
     materials = scene.tables.instances.material
-    places = {scene.spans.at("instances", i) for i in range(len(materials)) if scene.spans.at("materials", int(materials[i])) in noted}
+    places = {scene.spans.get("instances", i) for i in range(len(materials)) if scene.spans.get("materials", int(materials[i])) in noted}
     assert sum(entry.share for entry in found.objects if entry.place in places) > 0.95
     assert found.interior is not None
     assert found.interior.share > 0.5

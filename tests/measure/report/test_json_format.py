@@ -73,9 +73,9 @@ def test_endless_numbers_are_words() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "this is no JSON: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)"),
-        ("[1]", "this is no chart: its `format` is not `maquette chart 1`"),
-        ('{"format": "maquette chart 2"}', "this is no chart: its `format` is not `maquette chart 1`"),
+        ("{", "this is not JSON: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)"),
+        ("[1]", "this is not a chart: its `format` is not `maquette chart 1`"),
+        ('{"format": "maquette chart 2"}', "this is not a chart: its `format` is not `maquette chart 1`"),
         ('{"format": "maquette chart 1"}', "the chart is not whole: 'size'"),
     ],
 )

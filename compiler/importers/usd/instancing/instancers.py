@@ -35,7 +35,7 @@ class Instances:
 
 
 def read(instancer: Any, time: Any, prototypes: int, tell: Callable[[str], None]) -> Instances:
-    """The instances of an instancer with a number of prototypes; those that cannot be placed are told and left out."""
+    """The instances of an instancer with a number of prototypes; those that cannot be placed are left out with a warning."""
     prim = instancer.GetPrim()
     of = numbers(instancer.GetProtoIndicesAttr(), time, np.int64)
     positions = numbers(instancer.GetPositionsAttr(), time, np.float64, 3)

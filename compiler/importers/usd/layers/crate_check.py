@@ -1,4 +1,4 @@
-"""Checks `.usdc` files before usd-core opens them: counts that exceed the file, paths that are no tree, and specs without a type.
+"""Checks `.usdc` files before usd-core opens them: counts that exceed the file, paths that are not a tree, and specs without a type.
 
 Such a file would make usd-core take gigabytes or minutes, or end the process.
 
@@ -72,7 +72,7 @@ def fault_of(data: Bytes) -> str:
             return ""
         jumps = column(by_name["PATHS"], 8, 2)
         if not _is_tree(jumps):
-            return "its paths are no tree"
+            return "its paths are not a tree"
         if _nests_too_deep(jumps):
             return f"its paths have more than {MAX_LEVELS:,} levels"
         return "" if (column(by_name["SPECS"], 0, 2) >= 0).all() else "the types of its specs are damaged"

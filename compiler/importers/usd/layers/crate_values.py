@@ -93,7 +93,7 @@ def without(data: crate_check.Bytes, excess: list[Excess]) -> bytes:
 
 
 def paths(data: crate_check.Bytes, excess: list[Excess]) -> list[str]:
-    """The path of the first spec that has each field, with the field's name where it is no value; "" where it is not known."""
+    """The path of the first spec that has each field, with the field's name where it is not a value; "" where it is not known."""
     try:
         tokens, sections = _tokens(data), crate_check.sections(data)
         sets = crate_check.column(sections["FIELDSETS"], 0, 0)

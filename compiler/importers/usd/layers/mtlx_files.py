@@ -36,7 +36,7 @@ _ROOT = Sdf.Path("/MaterialX/Materials")
 
 
 def layer(path: Path, diagnostics: Diagnostics) -> Any:
-    """An anonymous layer with the materials of a document; None, with a warning, for one that is no MaterialX."""
+    """An anonymous layer with the materials of a document; None, with a warning, for one that is not MaterialX."""
     span = Span(path.name)
 
     def warn(message: str) -> None:
@@ -160,5 +160,5 @@ class _Document:
                 return int(numbers[0]) if type_ == "integer" else numbers[0] if type_ == "float" else numbers
         except (ValueError, OverflowError):
             pass
-        self.warn(f"`{text[:40]}` is no {type_}: the input takes its default")
+        self.warn(f"`{text[:40]}` is not of the type {type_}: the input takes its default")
         return None

@@ -45,7 +45,7 @@ def replaced(path: Path, diagnostics: Diagnostics) -> list[Any]:
 
 
 def fault_of(path: Path) -> str:
-    """Why a file is no package that can be read; "" for others, and for those of which usd-core gives the reason."""
+    """Why a file is not a package that can be read; "" for others, and for those of which usd-core gives the reason."""
     try:
         with open_regular(path, ANY_SIZE) as file:
             begin = file.read(4)
@@ -54,7 +54,7 @@ def fault_of(path: Path) -> str:
         if path.suffix.lower() != ".usdz":
             return ""
         if not zipfile.is_zipfile(path):
-            return CUT_OFF if begin == b"PK\3\4" else "it is no zip archive"
+            return CUT_OFF if begin == b"PK\3\4" else "it is not a zip archive"
         with zipfile.ZipFile(path) as files:
             return "" if layer_names(files.namelist()) else "it holds no layer: no .usda, .usdc or .usd file"
     except OSError as failure:
@@ -69,8 +69,8 @@ def layer_names(names: list[str]) -> list[str]:
 
 
 def warn_of_first(path: Path, first: str, diagnostics: Diagnostics) -> None:
-    """The warning about a package whose first file is no layer."""
-    diagnostics.warning(f"the first file of the package is no layer: `{first}` is drawn", Span(path.name))
+    """The warning about a package whose first file is not a layer."""
+    diagnostics.warning(f"the first file of the package is not a layer: `{first}` is drawn", Span(path.name))
 
 
 def _replacements(path: Path, diagnostics: Diagnostics) -> Iterator[tuple[str, bytes]]:

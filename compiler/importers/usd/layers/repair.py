@@ -97,7 +97,7 @@ def _opened(path: str, diagnostics: Diagnostics, stand_ins: list[Any]) -> Any:
     if file.suffix.lower() == ".mtlx":
         return mtlx_files.layer(file, diagnostics) if file.is_file() else None
     if file.exists() and not (file.is_file() or file.is_dir()):
-        diagnostics.warning("this layer is no ordinary file: it is left out", Span(path))
+        diagnostics.warning("this layer is not an ordinary file: it is left out", Span(path))
         return Sdf.Layer.CreateAnonymous(".usda")
     if why := crate_check.fault(file):
         diagnostics.warning(f"this layer cannot be read: {why}", Span(file.name))

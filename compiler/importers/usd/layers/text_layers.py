@@ -93,7 +93,7 @@ def repaired(data: bytes, place: str, diagnostics: Diagnostics) -> Any:
         warn(place, 1, f"this text is {encoding.upper()}, and USD has UTF-8: it is read", said)
     skipped = before.count("\n")
     if odd := _ODD.search(rest):
-        warn(place, skipped + rest[: odd.start()].count("\n") + 1, "bytes that are no text are left out", said)
+        warn(place, skipped + rest[: odd.start()].count("\n") + 1, "bytes that are not text are left out", said)
     lines = [""] * skipped + (header + _without_depths(_ODD.sub(" ", rest), skipped + 1, place, said)).split("\n")
     layer = Sdf.Layer.CreateAnonymous(".usda")
     if not _read(layer, lines, skipped, place, said) or (said.items and not layer.rootPrims):

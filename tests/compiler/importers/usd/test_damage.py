@@ -99,7 +99,7 @@ def test_subsets_beyond_the_faces_are_named(tmp_path):
     text = QUAD.replace("rel material:binding = </m>", "").replace("MORE", subset + "int[] indices = [0, 9, -3]\n}")
     scene, messages = read(tmp_path, text)
     assert kinds(scene) == ["MESH"]
-    assert messages == ["x.usda</q>: warning: 2 indices of the subsets of this mesh are no faces of it: they are left out"]
+    assert messages == ["x.usda</q>: warning: 2 indices of the subsets of this mesh are not faces of it: they are left out"]
 
 
 def test_primvars_that_are_not_finite_count_as_0(tmp_path):

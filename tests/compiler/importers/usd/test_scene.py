@@ -479,8 +479,8 @@ def test_values_of_types_that_nobody_expects(tmp_path):
     """
     scene, messages = read(tmp_path, text)
     assert kinds(scene) == ["SPHERE", "BOX"]
-    assert "x.usda: warning: the value of </s.radius> is no double: its default is drawn" in messages
-    assert "x.usda: warning: the value of </m.points> is no point3f[]: its default is drawn" in messages
+    assert "x.usda: warning: the value of </s.radius> is not of the type double: its default is drawn" in messages
+    assert "x.usda: warning: the value of </m.points> is not of the type point3f[]: its default is drawn" in messages
     assert slot(scene, "DIFFUSE") == [0.18] * 3
     assert scene.tables.lights.color.tolist() == [[1, 1, 1]]
 

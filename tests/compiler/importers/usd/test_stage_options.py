@@ -59,7 +59,7 @@ def test_a_mask_reads_some_prims_and_what_they_use(tmp_path):
     scene, messages = read(tmp_path, text, options=StageOptions(mask=("/a",)))
     assert (scene.names.instances, scene.names.materials, messages) == (("/a",), ("m",), [])
     assert read(tmp_path, text, options=StageOptions(mask=("a b",)))[1] == [
-        "x.usda: error: `a b` is no path of a prim\n  write --mask /World/Chair"
+        "x.usda: error: `a b` is not a path of a prim\n  write --mask /World/Chair"
     ]
     messages = read(tmp_path, text, options=StageOptions(mask=("/z", "/b")))[1]
     assert messages == ["x.usda: warning: the stage has no prim `/z`, which --mask names"]
@@ -161,11 +161,11 @@ def test_render_settings(tmp_path):
 
 def test_wrong_render_settings(tmp_path):
     assert read(tmp_path, SETTINGS, options=StageOptions(render_settings="/cam"))[1] == [
-        "x.usda: error: `/cam` is no RenderSettings or RenderProduct prim\n  the stage has /Render/s, /Render/p"
+        "x.usda: error: `/cam` is not a RenderSettings or RenderProduct prim\n  the stage has /Render/s, /Render/p"
     ]
     scene, messages = read(tmp_path, 'def Cube "c" {}', 'renderSettingsPrimPath = "/none"')
     assert (len(scene.names.instances), messages) == (
-        1, ["x.usda: warning: `/none` is no RenderSettings or RenderProduct prim: the renderSettingsPrimPath of the stage has no effect"]
+        1, ["x.usda: warning: `/none` is not a RenderSettings or RenderProduct prim: the renderSettingsPrimPath of the stage has no effect"]
     )  # fmt: skip
     text = SETTINGS.replace("</cam>", "</gone>") + 'def Cube "c" {}'
     scene, messages = read(tmp_path, text, 'renderSettingsPrimPath = "/Render/s"')

@@ -32,7 +32,7 @@ def test_paths_that_are_no_tree(tmp_path):
     path.write_bytes(crates.written(looped(crate(path))))
     scene, messages = load(path)
     assert kinds(scene) == []
-    assert messages[0] == "x.usdc: error: cannot read the stage `x.usdc`: its paths are no tree"
+    assert messages[0] == "x.usdc: error: cannot read the stage `x.usdc`: its paths are not a tree"
 
 
 def chained(made: crates.Crate, count: int) -> crates.Crate:
@@ -74,7 +74,7 @@ def test_the_rest_of_a_stage_is_drawn(tmp_path, packed):
     if packed:
         with zipfile.ZipFile(tmp_path / "part.usdz", "w") as files:
             files.write(part, "part.usdc")
-    name, why = ("part.usdz", "`part.usdc`: its paths are no tree") if packed else ("part.usdc", "its paths are no tree")
+    name, why = ("part.usdz", "`part.usdc`: its paths are not a tree") if packed else ("part.usdc", "its paths are not a tree")
     (tmp_path / "x.usda").write_text(f'#usda 1.0\ndef "r" (\n    references = @{name}@\n)\n{{\n}}\ndef Cone "c"\n{{\n}}\n')
     scene, messages = load(tmp_path / "x.usda")
     assert kinds(scene) == ["CONE"]

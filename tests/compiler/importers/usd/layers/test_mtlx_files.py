@@ -85,7 +85,7 @@ def test_commas_and_blanks_separate_numbers(tmp_path, value):
 @pytest.mark.parametrize("value", ["0.4 0.2", "0.4 0.2 0.1 1", "red"])
 def test_values_with_another_number_of_numbers_are_named(tmp_path, value):
     _, messages = stage(tmp_path, "Plain", DOCUMENT.replace("0.8, 0.4, 0.2", value))
-    assert messages == [f"m.mtlx: warning: `{value}` is no color3: the input takes its default"]
+    assert messages == [f"m.mtlx: warning: `{value}` is not of the type color3: the input takes its default"]
 
 
 @pytest.mark.parametrize("before", ["\n", " \r\n\t", "\ufeff\n"])

@@ -26,7 +26,7 @@ def package(files):
     ("data", "reason"),
     [
         (b"", "it is empty"),
-        (b"rubbish", f"it is no zip archive{AGAIN}"),
+        (b"rubbish", f"it is not a zip archive{AGAIN}"),
         (b"PK\3\4rubbish", f"{CUT_OFF}{AGAIN}"),
         (package({}), f"{NO_LAYER}{AGAIN}"),
         (package({"a.txt": "text"}), f"{NO_LAYER}{AGAIN}"),

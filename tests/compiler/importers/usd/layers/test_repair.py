@@ -25,15 +25,15 @@ LOST = "this statement cannot be read and is left out"
     [
         (codecs.BOM_UTF8 + GOOD.encode(), ["1:1: warning: a byte order mark (UTF-8) is left out"]),
         (codecs.BOM_UTF16_LE + GOOD.encode("utf-16-le"), ["1:1: warning: a byte order mark (UTF-16-LE) is left out"]),
-        (GOOD.encode() + b"\x1a", ["10:1: warning: bytes that are no text are left out"]),
-        (GOOD.encode() + b"\0\0", ["10:1: warning: bytes that are no text are left out"]),
+        (GOOD.encode() + b"\x1a", ["10:1: warning: bytes that are not text are left out"]),
+        (GOOD.encode() + b"\0\0", ["10:1: warning: bytes that are not text are left out"]),
         (b"\n\n" + GOOD.encode(), []),
         (GOOD.replace("}\ndef", "}\nrubbish here\ndef").encode(), [f"6:1: warning: {LOST}: `rubbish here`"]),
         (GOOD.encode() + b"end of file", [f"10:1: warning: {LOST}: `end of file`"]),
         (GOOD.replace("radius = 2", "radius = ").encode(), [f"4:1: warning: {LOST}: `double radius =`"]),
         (GOOD.replace("radius = 2", 'radius = "big"').encode(), [f'4:1: warning: {LOST}: `double radius = "big"`']),
         (GOOD.replace("radius = 2", "radius = \udc80").encode(errors="surrogateescape"), [
-            "4:1: warning: bytes that are no text are left out", f"4:1: warning: {LOST}: `double radius =`"]),
+            "4:1: warning: bytes that are not text are left out", f"4:1: warning: {LOST}: `double radius =`"]),
         (GOOD.replace("size = 3", "size = 3\n    float3[] extent = [(0, 0, 0),\n        (1, 1)]").encode(), [
             f"9:1: warning: {LOST}: `float3[] extent = [(0, 0, 0),`"]),
         (GOOD.rstrip().rstrip("}").encode(), ["9:1: warning: the file ends early: it is read as if its prims ended there"]),
@@ -77,7 +77,7 @@ def test_a_package_that_begins_with_a_picture(tmp_path):
         package.writestr("b.usda", GOOD)
     scene, messages = load(tmp_path / "x.usdz")
     assert kinds(scene) == ["SPHERE", "BOX"]
-    assert messages == ["x.usdz: warning: the first file of the package is no layer: `b.usda` is drawn"]
+    assert messages == ["x.usdz: warning: the first file of the package is not a layer: `b.usda` is drawn"]
 
 
 def test_a_file_without_a_sound_prim_is_an_error(tmp_path):

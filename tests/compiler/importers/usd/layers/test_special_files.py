@@ -17,5 +17,5 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
     )
     scene, messages = load(tmp_path / "x.usda", [Path("/dev")])
     assert kinds(scene) == ["CONE"]
-    assert "pipe.usda: warning: this layer is no ordinary file: it is left out" in messages
-    assert "/dev/zero: warning: this layer is no ordinary file: it is left out" in messages
+    assert "pipe.usda: warning: this layer is not an ordinary file: it is left out" in messages
+    assert "/dev/zero: warning: this layer is not an ordinary file: it is left out" in messages

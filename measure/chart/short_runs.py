@@ -26,6 +26,7 @@ from .reference_light import ReferenceLight
 FIRST, FACTORS, MOST = 4, (4, 2), 4096  # samples of the first run of fixed samples, and times more each time, as there is time
 BLACK = 64  # samples up to which a picture without any noise may be one that has found no light yet
 FIXED_SHARE = 0.5  # of the time that is left, for the next run of fixed samples
+SECOND_SHARE = 0.8  # of the time that is left, for the second one: one run tells no power
 ADAPTIVE_SHARES = (0.25, 0.5)  # of the time that is left, for the runs until an error
 LEAST_ADAPTIVE = 1.2  # times the error of the last run with adaptive sampling, that the next one must be smaller by
 REFERENCE = "no reference: each picture tells its own error, from two halves of its samples"
@@ -61,7 +62,7 @@ class ShortRuns:
         """Draw runs until the deadline, or until the least of the errors is reached. Raises runs.Cancelled if cancelled."""
         stop, least = runs.Stop(self.cancel, deadline.is_over), min(errors)
         counts: tuple[int, ...] = (FIRST,)
-        while samples := next((n for n in counts if n <= MOST and self._expected(n) <= FIXED_SHARE * deadline.left()), 0):
+        while samples := next((n for n in counts if n <= MOST and self._expected(n) <= self._share() * deadline.left()), 0):
             run = self._run(self._fixed_setting(samples), stop)
             if run is None:
                 return
@@ -130,6 +131,10 @@ class ShortRuns:
 
     def _fixed_setting(self, samples: int) -> Setting:
         return _valued(self.settings[DENOISED if DENOISED in self.settings else SAMPLES], samples)
+
+    def _share(self) -> float:
+        """Of the time that is left, for the next run of fixed samples."""
+        return SECOND_SHARE if len(self.fixed) == 1 else FIXED_SHARE
 
     def _expected(self, samples: float) -> float:
         """Seconds of a run of fixed samples."""

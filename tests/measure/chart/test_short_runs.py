@@ -120,6 +120,14 @@ def test_what_does_not_fit_is_not_begun(monkeypatch: pytest.MonkeyPatch, scene: 
     assert found.needed() == 6.0 + 18.0
 
 
+def test_a_second_run_takes_most_of_the_time_as_one_tells_no_power(
+    monkeypatch: pytest.MonkeyPatch, scene: ir.Scene, clock: Clock
+) -> None:  # fmt: skip
+    """The first run takes 9 s. By it alone 8 samples take 18 s: more than half of the 25 s that are left, and less than 80 %."""
+    assert [run.samples for run in drawn(monkeypatch, scene, Model(clock), 34.0).fixed] == [4, 8]
+    assert [run.samples for run in drawn(monkeypatch, scene, Model(clock), 24.0).fixed] == [4]
+
+
 def test_runs_end_where_the_least_error_is_reached(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene, clock: Clock) -> None:
     model = Model(clock)
     found = drawn(monkeypatch, scene, model, 1e6)

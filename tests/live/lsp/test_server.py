@@ -198,8 +198,8 @@ def test_members_of_a_used_file(editor: Editor) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('use "std/s‸', ["std/cameras", "std/lights", "std/materials", "std/mechanics", "std/patterns", "std/profiles", "std/room",
-                         "std/shapes", "std/surfaces", "broken.scene", "parts.scene", "meshes/cup.obj"]),
+        ('use "std/s‸', ["std/cameras", "std/furniture", "std/lights", "std/materials", "std/mechanics", "std/media", "std/patterns",
+                         "std/profiles", "std/room", "std/shapes", "std/surfaces", "broken.scene", "parts.scene", "meshes/cup.obj"]),
         ('mesh("‸")', ["meshes/cup.obj"]),
         ('sphere(1, material: lambert(image(file: "w‸")))', ["wood.png"]),
         ('camera(projection: "‸")', ["perspective", "orthographic", "panoramic"]),

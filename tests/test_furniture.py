@@ -97,6 +97,17 @@ def test_a_room_with_windows_is_open_there_alone() -> None:
     assert ((at_y > 0.9 - slack) & (at_y < 2.1 + slack) & (at_z > 0.5 - slack) & (at_z < 1.5 + slack)).all()
 
 
+def test_a_room_may_have_a_doorway() -> None:
+    loaded('use "std/room"\nroom.with_windows(back: [[1, 0, 90cm, 2.05]])\n')
+
+
+@pytest.mark.parametrize(("smooth", "normals"), [("false", False), ("true", True)])
+def test_a_parametric_surface_is_faceted_or_smooth(smooth: str, normals: bool) -> None:
+    call = f"surfaces.parametric(|u, v| [u, v, u ^ 2], steps: 4, rows: 3, smooth: {smooth})"
+    tables = loaded(f'use "std/surfaces"\n{call}\n').tables
+    assert (tables.geometries.normals >= 0).tolist() == [normals]
+
+
 def test_the_message_about_wrong_arguments_lists_all_of_them() -> None:
     with pytest.raises(SceneError) as error:
         maquette.load_text('use "std/furniture"\nfurniture.sofa(cloth: 3)\n')

@@ -403,7 +403,7 @@ class SceneBuilder:
         instances = self._instances.table().copy()
         if (instances[:, MATERIAL] < 0).any():
             instances[instances[:, MATERIAL] < 0, MATERIAL] = self.default_material()
-        instances[row_tables.is_clear(self._rows["materials"])[instances[:, MATERIAL]], VISIBLE] &= ~ir.Visibility.SHADOW
+        instances[np.isin(instances[:, MATERIAL], row_tables.clear_rows(self._rows["materials"])), VISIBLE] &= ~ir.Visibility.SHADOW
         shape_of = {int(instances[index, LIGHT]): index for index in np.flatnonzero(instances[:, LIGHT] >= 0).tolist()}
         place = ir.Lights._fields.index("instance")
         lights = [(*row[:place], shape_of.get(index, NONE), *row[place + 1 :]) for index, row in enumerate(self._rows["lights"])]

@@ -54,9 +54,9 @@ def material_data(row: Sequence[Any], name: str) -> MaterialData:
     )
 
 
-def is_clear(rows: Sequence[Sequence[Any]]) -> np.ndarray:
-    """(n,) whether rows of Materials are boundaries of media that light passes straight: smooth, colourless glass of index 1."""
-    return np.array([bool(row[-1] >= 0) and _passes_straight(material_data(row, "")) for row in rows], bool)
+def clear_rows(rows: Sequence[Sequence[Any]]) -> list[int]:
+    """The rows of Materials that bound media and let light pass straight: smooth, colourless glass of index 1."""
+    return [k for k, row in enumerate(rows) if row[-1] >= 0 and _passes_straight(material_data(row, ""))]
 
 
 def _passes_straight(material: MaterialData) -> bool:

@@ -80,6 +80,10 @@ gallery: $(DEVELOP)  ## render the pictures of docs/gallery.md again: half an ho
 	  MAQUETTE_PROGRESS=off $(BIN)/maquette render $$scene -o build/gallery.png --denoise && \
 	  $(BIN)/python -c "import sys; from PIL import Image; Image.open('build/gallery.png').convert('RGB').save(sys.argv[1], quality=92, subsampling=0)" $${scene%.scene}.jpg || exit; \
 	done
+	@for name in living_room kitchen bedroom; do \
+	  MAQUETTE_PROGRESS=off $(BIN)/maquette render examples/$$name.scene --set evening=true --size 480x320 --samples 12 --denoise -o build/gallery.png && \
+	  $(BIN)/python -c "import sys; from PIL import Image; Image.open('build/gallery.png').convert('RGB').save(sys.argv[1], quality=92, subsampling=0)" examples/gallery/$${name}_evening.jpg || exit; \
+	done
 
 site: $(DEVELOP)  ## build the documentation as a site into build/site/html: python -m http.server -d build/site/html
 	@$(BIN)/python tools/site.py build/site

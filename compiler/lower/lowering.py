@@ -195,7 +195,6 @@ class Lowering:
         with self.scaled(matrix(frame)):
             pieces = self.pieces(element)
         inside = self.media.inside(element, medium, material, pieces, matrix(frame)) if medium is not None and pieces else None
-        boundaries: set[int] = set()
         for piece in pieces:
             if (
                 material is not None
@@ -209,14 +208,11 @@ class Lowering:
                 row = self.materials.row(material)
             if inside is not None:
                 row = self.media.boundary(element, inside, row, piece)
-                boundaries.add(row)
             else:
                 row = row if piece.mixed is None else piece.mixed(row)
                 self.media.warn_of_open_body(element, row, pieces)
             full = f"{name}/{piece.name}" if piece.name else name
             self.placements.add(frame, piece.matrix, piece.geometry, row, full, element.place, element.call)
-        if len(boundaries) > 1:
-            self.media.warn_of_several(element, pieces)
 
     def _shining_sphere(self, element: Element, material: Element, matrix: np.ndarray) -> bool:
         """Make a uniformly scaled sphere of one emitted colour a light. Returns whether it is one."""

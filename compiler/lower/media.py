@@ -105,16 +105,17 @@ class Media:
             message = f"the material of this {shape.kind} has a medium inside of it, and its `medium` is another one"
             self._lowering.error(shape, message, "leave out one of them")
         elif not self._passes(material):
-            self._warn_of_unseen(shape)
+            self._warn_of_unseen(shape, self._is_partial(material))
         row = self._row(inside, self._priority(material) if priority is None else priority, bounds, piece)
-        return material if row < 0 else builder.material(replace(builder.material_data(material), medium=row), shape.place)
+        return material if row < 0 else self._filled(material, row, shape)
 
-    def warn_of_several(self, shape: Element, pieces: list[Piece]) -> None:
-        """Warn of pieces with materials of their own that enclose a medium together: rays would not find their way out of it."""
-        if not built_geometry.is_left_out() and any(self._why_open(shape, [piece]) for piece in pieces):
-            parts = f"parts of this {shape.kind} with several materials enclose one medium"
-            message = f"{parts}: a ray that enters at one leaves at the same alone"
-            self._lowering.warn(shape, message, "give it one material, as material: glass()")
+    def _filled(self, material: int, medium: int, shape: Element) -> int:
+        """The row of a material with a medium inside; the parts of a blend have it, too."""
+        builder = self._lowering.builder
+        data = builder.material_data(material)
+        if data.model == Model.BLEND:
+            data = replace(data, first=self._filled(data.first, medium, shape), second=self._filled(data.second, medium, shape))
+        return builder.material(replace(data, medium=medium), shape.place)
 
     def warn_of_open_body(self, shape: Element, row: int, pieces: list[Piece]) -> None:
         """Warn of a material with a medium inside of it on a shape without an inside."""
@@ -126,8 +127,10 @@ class Media:
             message = f"{reason}: light that enters its material does not find the other side"
             self._lowering.warn(shape, message, _hint(shape))
 
-    def _warn_of_unseen(self, shape: Element) -> None:
+    def _warn_of_unseen(self, shape: Element, partial: bool = False) -> None:
         message = f"the medium of this {shape.kind} is never seen: no light passes its material"
+        if partial:
+            message = f"the medium of this {shape.kind} is never seen: light that passes by an opacity does not enter it"
         self._lowering.warn(shape, message, "write glass(), or leave out its material")
 
     def _row(self, inside: Inside, priority: float, bounds: np.ndarray, piece: Piece) -> int:
@@ -236,13 +239,18 @@ class Media:
     # --- shapes and materials as they are ---
 
     def _passes(self, material: int) -> bool:
-        """Whether light passes the surface of a material."""
+        """Whether light enters the medium behind a material."""
         data = self._lowering.builder.material_data(material)
         if data.model == Model.BLEND:
             return self._passes(data.first) or self._passes(data.second)
-        lobe, opacity = MATERIALS[data.model].LOBE, data.inputs[Slot.OPACITY]
+        lobe = MATERIALS[data.model].LOBE
         through = data.model == Model.GLASS or (lobe is not None and lobe.THROUGH)
-        return through or max(data.inputs[Slot.TRANSMISSION].value) > 0.0 or opacity.value[0] < 1.0 or opacity.texture >= 0
+        return through or max(data.inputs[Slot.TRANSMISSION].value) > 0.0
+
+    def _is_partial(self, material: int) -> bool:
+        """Whether light passes a material beside its surface, by its opacity."""
+        opacity = self._lowering.builder.material_data(material).inputs[Slot.OPACITY]
+        return opacity.value[0] < 1.0 or opacity.texture >= 0
 
     def _priority(self, material: int) -> float:
         data = self._lowering.builder.material_data(material)

@@ -101,7 +101,7 @@ def with_sensors(scene: ir.Scene, meters: Sequence[ir.Meter], seed: int = 0) -> 
     white[[ir.Slot.IOR, ir.Slot.OPACITY], 0] = 1.0
     material = rows.add(
         "materials", model=ir.MaterialModel.LAMBERT, shading=ir.Shading.FLAT, normalized=False, threshold=0.0, values=white,
-        textures=np.full(ir.SLOTS, -1), textured=False, first=-1, second=-1,
+        textures=np.full(ir.SLOTS, -1), textured=False, first=-1, second=-1, medium=-1,
     )  # fmt: skip
     sensors = [
         _surface(rows, scene, meter, material, seed + k, fine) if meter.on else _rectangle(rows, meter, material, size, fine)

@@ -71,11 +71,10 @@ def _any_vertex(flown: Flown, surfaces: Lane) -> Lane:
 @helper
 def _event(flown: Flown, plain: Any, tables: Tables, path: PathState, point: Surface, surfaces: Lane) -> Event:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
-    number = ops.to_int(table.number[point.material])
     inside = medium_stack.top(path.inside)
     t = ops.where(flown.scattered, flown.t, 0.0)
     return Event(
-        flown.scattered, surfaces & table.scatter.clear[number], ops.along(path.origin, path.direction, t),
+        flown.scattered, surfaces & table.scatter.clear[point.material], ops.along(path.origin, path.direction, t),
         0.0 * path.density + table.scatter.anisotropy[inside],
     )  # fmt: skip
 

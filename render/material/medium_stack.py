@@ -60,22 +60,29 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
         return Media(np.zeros(len(glass), np.int64), np.ones(1), np.zeros((1, 4))) if general else Air()
     rows = np.flatnonzero((glass | (column >= 0)) & used)
     ranks = np.maximum(values[rows, PRIORITY, 0], np.where(column[rows] >= 0, np.append(tables.media.priority, 0.0)[column[rows]], 0.0))
-    rows = rows[np.argsort(ranks, kind="stable")][-MASK + len(fog) :]
+    rows = rows[np.argsort(ranks, kind="stable")]
+    inside = np.where(column[rows] >= 0, column[rows], len(tables.media.priority) + rows)  # materials around one medium share a number
     first = 1 + len(fog)  # fog has the lowest priority
+    kinds = list(dict.fromkeys(inside.tolist()))[-MASK + len(fog) :]
+    numbers = {kind: first + k for k, kind in enumerate(kinds)}
     number = np.zeros(len(glass), np.int64)
-    number[rows] = np.arange(first, first + len(rows))
-    index, absorbed = np.ones(first + len(rows)), np.zeros((first + len(rows), 4))
-    index[first:], absorbed[first:, :3] = np.where(glass[rows], values[rows, IOR, 0], 1.0), values[rows, ABSORPTION]
+    number[rows] = [numbers.get(kind, 0) for kind in inside.tolist()]
+    index, absorbed, media_rows = np.ones(first + len(kinds)), np.zeros((first + len(kinds), 4)), np.full(first + len(kinds), -1)
+    for row in rows[number[rows] > 0].tolist():
+        index[number[row]] = values[row, IOR, 0] if glass[row] else index[number[row]]
+        absorbed[number[row], :3], media_rows[number[row]] = values[row, ABSORPTION], column[row]
+    media_rows[1:first] = fog
     found = Media(number, index, absorbed)
     if not traits.participates(tables):
-        absorbed[first:, :3] += np.concatenate([tables.media.absorption, np.zeros((1, 3))])[column[rows]]
+        absorbed[:, :3] += np.concatenate([tables.media.absorption, np.zeros((1, 3))])[media_rows]
         return found
-    media_rows = np.concatenate([[-1], fog, column[rows]]).astype(np.int64)
-    clear = np.concatenate([np.zeros(first, bool), traits.invisible(tables)[rows]])
+    clear = traits.invisible(tables)
+    aimed = np.zeros(first + len(kinds), bool)
+    aimed[1:first] = aimed[number[clear & used]] = True
     outside = 0
     for entry in (*([1] if len(fog) else []), *(int(number[row]) for row in around)):
         outside = int(push(np.int64(outside), np.int64(entry)))
-    return found._replace(scatter=scattering_table.build(tables, media_rows, clear, absorbed, outside, general))
+    return found._replace(scatter=scattering_table.build(tables, media_rows, (clear, aimed), absorbed, outside, general))
 
 
 def is_used(tables: Any) -> bool:

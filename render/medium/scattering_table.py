@@ -35,7 +35,7 @@ class Scattering(NamedTuple):
     anisotropy: F64  # (n,) g of the phase function
     top: F64  # (n,) see ir.Media
     falloff: F64  # (n,)
-    clear: NDArray[np.bool_]  # (n,) its boundary is invisible: index 1 on both sides, without colour
+    clear: NDArray[np.bool_]  # (materials,) invisible boundaries: index 1 on both sides, without colour
     aimed: NDArray[np.bool_]  # (n,) light samples in it find lights: distances are sampled around these, too
     aims: F64  # (k, 4) places of lights, see aims.build
     fields: Any  # tracking.Fields, or NoFields
@@ -57,11 +57,11 @@ def bounded_density(tape: Tape, low: np.ndarray, high: np.ndarray, cells: np.nda
 
 
 def build(
-    tables: ir.Tables, rows: np.ndarray, clear: np.ndarray, absorbed: np.ndarray, outside: int, general: bool = False
+    tables: ir.Tables, rows: np.ndarray, flags: tuple[np.ndarray, np.ndarray], absorbed: np.ndarray, outside: int, general: bool = False
 ) -> Scattering:
     """The table of media `rows` (n,) of ir.Media by number, -1 without one; `absorbed` (n, 4) of materials is added to the absorption.
 
-    With `general` it has fields, which may be empty.
+    `flags` are the columns `clear` and `aimed`. With `general` it has fields, which may be empty.
     """
     media, count, has = tables.media, len(rows), rows >= 0
     coefficients = {name: np.zeros((count, 4)) for name in ("extinction", "scattering", "emission")}
@@ -75,9 +75,9 @@ def build(
     anisotropy, top, falloff = np.zeros(count), np.full(count, np.inf), np.zeros(count)
     anisotropy[has], top[has], falloff[has] = media.anisotropy[rows[has]], media.top[rows[has]], media.falloff[rows[has]]
     return Scattering(
-        **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=clear, fields=_fields(tables, rows, general),
-        aimed=clear | (has & media.everywhere[np.maximum(rows, 0)]), aims=aims.build(tables),
-        outside=np.array([outside], np.int64), walled=np.array([bool(clear.any())]),
+        **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=flags[0], aimed=flags[1],
+        fields=_fields(tables, rows, general), aims=aims.build(tables),
+        outside=np.array([outside], np.int64), walled=np.array([bool(flags[0].any())]),
     )  # fmt: skip
 
 

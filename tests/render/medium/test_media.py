@@ -121,6 +121,16 @@ def test_three_nested_media(tmp_path: Path) -> None:
         assert seen(tmp_path, text, samples=16)[0] == pytest.approx(expected, rel=2e-3)
 
 
+def test_a_body_of_two_materials_has_one_medium(tmp_path: Path) -> None:
+    """A ray enters at one material and leaves at another, which takes half of its light."""
+    corners = "".join(f"v {x} {y} {z}\n" for z in (-1, 1) for y in (-1, 1) for x in (-1, 1))
+    faces = "usemtl a\nf 5 6 8 7\nusemtl b\nf 2 1 3 4\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
+    (tmp_path / "two.obj").write_text(f"mtllib a.mtl\n{corners}{faces}", encoding="utf-8")
+    (tmp_path / "a.mtl").write_text("newmtl a\nKd 1 1 1\nnewmtl b\nKd 1 1 1\n", encoding="utf-8")
+    text = 'mesh("two.obj", medium: medium(absorption: [0.5, 1, 2]), materials: [["a", glass(ior: 1)], ["b", glass(0.5, ior: 1)]])\n'
+    assert seen(tmp_path, LOOK + SKY + text, samples=16)[:3] == pytest.approx(0.5 * np.exp([-1.0, -2, -4]), rel=2e-3)
+
+
 def test_light_without_shadows_is_attenuated(tmp_path: Path) -> None:
     """A lamp that casts no shadow shines through 3 m of a medium on a wall."""
     text = "camera(position: [0, 0, 0.5], look_at: [0, 0, 0], fov: 0.1deg)\n"

@@ -169,6 +169,48 @@ def test_a_half_space_reflects_by_the_h_function(tmp_path: Path, albedo: float, 
     assert seen(tmp_path, text, samples=4096)[0] == pytest.approx(albedo_of_half_space(albedo, cosine), abs=0.01)
 
 
+def walked_albedo(albedo: float, g: float, cosine: float, walkers: int = 100_000) -> float:
+    """As `albedo_of_half_space` for the phase function of Henyey and Greenstein, by light that walks down from one direction."""
+    rng = np.random.default_rng(7)
+    depth, mu = np.zeros(walkers), np.full(walkers, -cosine)
+    weight, left = np.ones(walkers), 0.0
+    for _ in range(2000):
+        depth = depth + mu * rng.exponential(size=len(mu))
+        out = depth > 0
+        left += weight[out].sum()
+        depth, mu, weight = depth[~out], mu[~out], weight[~out] * albedo
+        alive = rng.random(len(weight)) < np.minimum(10 * weight, 1)
+        depth, mu, weight = depth[alive], mu[alive], weight[alive] / np.minimum(10 * weight[alive], 1)
+        if not len(mu):
+            break
+        turn = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * rng.random(len(mu)))) ** 2) / (2 * g)
+        sines = np.sqrt(np.maximum((1 - mu * mu) * (1 - turn * turn), 0))
+        mu = mu * turn + sines * np.cos(2 * math.pi * rng.random(len(mu)))
+    return left / walkers
+
+
+@pytest.mark.parametrize(("albedo", "g"), [(0.5, 0.8), (0.9, 0.8), (0.99, 0.5), (0.9, -0.6)])
+def test_a_half_space_reflects_as_light_that_walks(tmp_path: Path, albedo: float, g: float) -> None:
+    text = "camera(position: [0, 1, 0], look_at: [0, 0, 0], up: [0, 0, -1], fov: 2deg)\n" + SKY
+    text += f"box(size: 1000, center: [0, -500, 0], medium: medium(scattering: {albedo}, absorption: {1 - albedo}, phase: {g}))\n"
+    assert seen(tmp_path, text, samples=4096)[0] == pytest.approx(walked_albedo(albedo, g, 1.0), abs=0.012)
+
+
+def test_both_backends_draw_the_same_media(tmp_path: Path) -> None:
+    """A medium by a formula in fog, a glass of milk, and a body beside a lamp, with the same random numbers."""
+    path = tmp_path / "a.scene"
+    text = LOOK.replace("0.2deg", "60deg") + SKY + "point([0, 2, 1], intensity: 9)\nplane(y: -1)\nfog(visibility: 20m)\n"
+    text += "sphere(0.6, medium: medium(#fff, 30cm, density: |x, y, z| 1 - z))\n"
+    text += "sphere(0.5, center: [1.2, 0, 0], material: subsurface(#a85))\n"
+    text += "sphere(0.5, center: [-1.2, 0, 0], material: glass(ior: 1.33), medium: medium(#fed, 20cm))\n"
+    path.write_text(text, encoding="utf-8")
+    ours, plain = (
+        maquette.load(path).render(size=(24, 16), samples=2, bounces=16, denoise=False, backend=backend).channels["rgba"]
+        for backend in ("ray", "reference")
+    )
+    assert np.mean(np.abs(ours - plain)) < 1e-3
+
+
 @pytest.mark.parametrize("threads", [1, 3])
 def test_media_have_the_same_bits_on_any_number_of_threads(tmp_path: Path, threads: int) -> None:
     path = tmp_path / "a.scene"

@@ -14,7 +14,7 @@ from .harness import Effort
 
 NAMES = report.ORDER
 SECTION_PARTS = {  # parts that can be measured separately
-    "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior", "daylight", "evening", "door"),
+    "paths": ("cornell", "knot", "lamps", "glossy", "glass", "interior", "slab", "milk", "haze", "cloud", "daylight", "evening", "door"),
     "formulas": ("512", "1024", "povray"), "start": ("waits",),
     "live": ("edits", "orbit", "refined"),
 }  # fmt: skip

@@ -29,10 +29,10 @@ def with_an_instance(tables: ir.Tables) -> ir.Tables:
     return tables._replace(geometries=point, materials=plain, instances=hidden)
 
 
-def _row(table: str, columns: ir.Geometries | ir.Materials, given: dict[str, int]) -> ir.Geometries | ir.Materials:
+def _row(table: str, columns: ir.Geometries | ir.Materials, numbers: dict[str, int]) -> ir.Geometries | ir.Materials:
     """A table with one more row: 0 but for some columns."""
     more = {}
     for name, values in columns._asdict().items():
-        row = np.full((1, *values.shape[1:]), given.get(name, 0), values.dtype)
+        row = np.full((1, *values.shape[1:]), numbers.get(name, 0), values.dtype)
         more[name] = np.concatenate([values, row])
     return ir.table_of(table, more)

@@ -26,11 +26,11 @@ def around(tables: ir.Tables, camera: int) -> tuple[int, ...]:
     tables = tables._replace(instances=kept)
     eye = tables.transforms.matrix[tables.cameras.transform[camera], :, 3]
     way = np.array(WAY) / np.linalg.norm(WAY)
-    one = np.ones(1)
-    origin, direction = tuple(one * x for x in eye), tuple(one * x for x in way)
-    near, entered, holding = 0.0 * one, [0] * len(tables.materials.model), []
+    ones = np.ones(1)
+    origin, direction = tuple(ones * x for x in eye), tuple(ones * x for x in way)
+    near, entered, holding = 0.0 * ones, [0] * len(tables.materials.model), []
     for _ in range(MOST):
-        ray = Ray(origin, direction, near, one * np.inf, None)
+        ray = Ray(origin, direction, near, ones * np.inf, None)
         hit = intersect.closest_hit(intersect.Brute(), tables, ray, np.ones(1, bool), int(ir.Visibility.REFLECTION))
         if hit.instance[0] < 0:
             break

@@ -93,11 +93,12 @@ def _surfaces(event: Event, vertices: Lane) -> Lane:
 def _place(event: Event, point: Surface, path: PathState) -> Surface:
     """The point with those in media: no surface is there, so that rays need no offset."""
     zero = 0.0 * point.offset
-    none, here = (zero, zero, zero), event.scattered
+    none, scattered = (zero, zero, zero), event.scattered
     return Surface(
-        ops.where3(here, event.position, point.position), point.local, ops.where3(here, none, point.geometric),
-        ops.where3(here, ops.negate(path.direction), point.normal), point.local_normal, point.uv, point.metric, point.front, point.instance,
-        point.material, point.color, ops.where(here, 0.0, point.offset), point.time, point.spread, point.lift, point.known,
+        ops.where3(scattered, event.position, point.position), point.local, ops.where3(scattered, none, point.geometric),
+        ops.where3(scattered, ops.negate(path.direction), point.normal), point.local_normal, point.uv, point.metric, point.front,
+        point.instance, point.material, point.color, ops.where(scattered, 0.0, point.offset), point.time, point.spread, point.lift,
+        point.known,
     )  # fmt: skip
 
 
@@ -110,8 +111,8 @@ def _or_scattered(event: Event, plain: Lane) -> Lane:
 def _evaluate(event: Event, plain: tuple[Vec, Lane], to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     density = phase.density(event.anisotropy, -ops.dot(to_light, to_viewer))
     share = 3.141592653589793 * density
-    here = event.scattered
-    return ops.where3(here, (share, share, share), plain[0]), ops.where(here, density, plain[1])
+    scattered = event.scattered
+    return ops.where3(scattered, (share, share, share), plain[0]), ops.where(scattered, density, plain[1])
 
 
 @helper
@@ -119,11 +120,12 @@ def _scatter(event: Event, plain: Scattered, direction: Vec, u: Lane, v: Lane) -
     if ops.not_(ops.any_lane(event.scattered)):
         return plain
     onward, density = phase.sample(event.anisotropy, direction, u, v)
-    one = 0.0 * density + 1.0
-    here = event.scattered
+    unit = 0.0 * density + 1.0
+    scattered = event.scattered
     return Scattered(
-        ops.where3(here, onward, plain.direction), ops.where3(here, (one, one, one), plain.weight), ops.where(here, density, plain.density),
-        plain.through & ops.not_(here),
+        ops.where3(scattered, onward, plain.direction), ops.where3(scattered, (unit, unit, unit), plain.weight),
+        ops.where(scattered, density, plain.density),
+        plain.through & ops.not_(scattered),
     )  # fmt: skip
 
 
@@ -157,28 +159,28 @@ def behind(point: Surface, direction: Vec, t: Lane) -> Lane:
 @helper
 def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, path: PathState, point: Surface, t: Lane) -> Any:
     """(continuation of paths, whether they go on) with those that pass an invisible boundary: the same ray, from behind it."""
-    here, onward = event.passes, plain[0]
-    if ops.not_(ops.any_lane(here)):
+    passes, onward = event.passes, plain[0]
+    if ops.not_(ops.any_lane(passes)):
         return plain
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, path.direction)
     passed = PathState(
-        ops.where3(here, path.origin, onward.origin), ops.where3(here, path.direction, onward.direction),
-        ops.where3(here, path.weight, onward.weight), ops.where(here, path.density, onward.density),
-        (here & path.straight) | (ops.not_(here) & onward.straight), ops.where(here, inside, onward.inside),
-        ops.where(here, path.phase, onward.phase), choose_facing(path.facing, onward.facing, here),
-        choose_links(path.links, onward.links, here), ops.where(here, behind(point, path.direction, t), onward.near),
+        ops.where3(passes, path.origin, onward.origin), ops.where3(passes, path.direction, onward.direction),
+        ops.where3(passes, path.weight, onward.weight), ops.where(passes, path.density, onward.density),
+        (passes & path.straight) | (ops.not_(passes) & onward.straight), ops.where(passes, inside, onward.inside),
+        ops.where(passes, path.phase, onward.phase), choose_facing(path.facing, onward.facing, passes),
+        choose_links(path.links, onward.links, passes), ops.where(passes, behind(point, path.direction, t), onward.near),
     )  # fmt: skip
-    return passed, plain[1] | (here & (ops.largest(path.weight) > 0.0))
+    return passed, plain[1] | (passes & (ops.largest(path.weight) > 0.0))
 
 
 @helper
-def _choose3(one: Vec, other: Vec, here: Lane) -> Vec:
-    return ops.where3(here, one, other)
+def _choose3(first: Vec, second: Vec, taken: Lane) -> Vec:
+    return ops.where3(taken, first, second)
 
 
 @helper
-def _choose(one: Lane, other: Lane, here: Lane) -> Lane:
-    return ops.where(here, one, other)
+def _choose(first: Lane, second: Lane, taken: Lane) -> Lane:
+    return ops.where(taken, first, second)
 
 
 choose_facing, choose_links = specialize_if_present(_choose3), specialize_if_present(_choose)

@@ -72,17 +72,17 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
         index[number[row]] = values[row, IOR, 0] if glass[row] else index[number[row]]
         absorbed[number[row], :3], media_rows[number[row]] = values[row, ABSORPTION], column[row]
     media_rows[1:first] = fog
-    found = Media(number, index, absorbed)
+    record = Media(number, index, absorbed)
     if not traits.participates(tables):
         absorbed[:, :3] += np.concatenate([tables.media.absorption, np.zeros((1, 3))])[media_rows]
-        return found
+        return record
     clear = traits.invisible(tables)
     aimed = np.zeros(first + len(kinds), bool)
     aimed[1:first] = aimed[number[clear & used]] = True
     outside = 0
     for entry in (*([1] if len(fog) else []), *(int(number[row]) for row in around)):
         outside = int(push(np.int64(outside), np.int64(entry)))
-    return found._replace(scatter=scattering_table.build(tables, media_rows, (clear, aimed), absorbed, outside, general))
+    return record._replace(scatter=scattering_table.build(tables, media_rows, (clear, aimed), absorbed, outside, general))
 
 
 def is_used(tables: Any) -> bool:

@@ -51,8 +51,8 @@ def _above_inverse(over: Lane, slope: Lane, falloff: Lane, column: Lane) -> Lane
     turns = ops.absolute(slope) > LEVEL
     closed = (-falloff * ops.log(ops.maximum(end, 1e-30)) - over) / ops.where(turns, slope, 1.0)
     level = ops.not_(turns) | ((ops.absolute(q) < STEEP) & (start > 1e-30))
-    found = ops.where(level, ops.where(start > 1e-30, flat, none), closed)
-    return ops.where((falloff > 0.0) & (end > 1e-30), ops.maximum(found, 0.0), none)
+    distance = ops.where(level, ops.where(start > 1e-30, flat, none), closed)
+    return ops.where((falloff > 0.0) & (end > 1e-30), ops.maximum(distance, 0.0), none)
 
 
 @helper

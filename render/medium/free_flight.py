@@ -43,9 +43,9 @@ def _pick(parts: Vec, u: Lane, first: Vec, second: Vec) -> tuple[Lane, Lane, Lan
     is_red, is_green = u < red, u < green
     low = ops.where(is_red, 0.0, ops.where(is_green, red, green))
     width = ops.where(is_red, parts[0], ops.where(is_green, parts[1], parts[2]))
-    one = ops.where(is_red, first[0], ops.where(is_green, first[1], first[2]))
-    other = ops.where(is_red, second[0], ops.where(is_green, second[1], second[2]))
-    return one, other, ops.clip((u - low) / ops.maximum(width, 1e-12), 0.0, 0.9999999)
+    first_component = ops.where(is_red, first[0], ops.where(is_green, first[1], first[2]))
+    second_component = ops.where(is_red, second[0], ops.where(is_green, second[1], second[2]))
+    return first_component, second_component, ops.clip((u - low) / ops.maximum(width, 1e-12), 0.0, 0.9999999)
 
 
 @helper

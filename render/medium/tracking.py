@@ -101,8 +101,8 @@ def _walk(fields: Any, number: Lane, ray: Any) -> Walk:
     for axis in range(3):
         side = x if axis == 0 else y if axis == 1 else z
         turn = ops.where(ops.absolute(w[axis]) > 1e-30, w[axis], 1e-30)
-        one, other = (0.0 - o[axis]) / turn, (side - o[axis]) / turn
-        begin, end = ops.maximum(begin, ops.minimum(one, other)), ops.minimum(end, ops.maximum(one, other))
+        at_low, at_high = (0.0 - o[axis]) / turn, (side - o[axis]) / turn
+        begin, end = ops.maximum(begin, ops.minimum(at_low, at_high)), ops.minimum(end, ops.maximum(at_low, at_high))
     return Walk(o, w, (zero + x, zero + y, zero + z), ops.int_like(zero, 0) + fields.cells[number, 3], begin, end)
 
 
@@ -170,8 +170,8 @@ def _interpolate(fields: Any, number: Lane, p: Vec) -> Lane:
         if n >= 2:
             slab, share_z = ops.where(k + 1 < nz, k + 1, k), w
         base = first + ops.maximum((slab * ny + row) * nx, 0)
-        one, other = fields.voxels[base + i], fields.voxels[base + right]
-        low = low + share_y * share_z * (one + (other - one) * u)
+        near_voxel, far_voxel = fields.voxels[base + i], fields.voxels[base + right]
+        low = low + share_y * share_z * (near_voxel + (far_voxel - near_voxel) * u)
     return low
 
 
@@ -189,15 +189,15 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
     scattered, t = ops.bool_like(zero, False), walk.begin
     going = inside & (walk.begin < walk.end)
     u, v = numbers(key, 0)
-    left, step = -ops.log(1.0 - u), 1
+    exponent, step = -ops.log(1.0 - u), 1
     while ops.any_lane(going):
         most, leaves = _cell(fields, walk, ops.where(going, t, 0.0))
         bound = most * ops.maximum(sigma, 1e-30)
         leaves = ops.minimum(leaves, walk.end)
         depth = bound * (leaves - t)
-        collides = going & (left < depth)
-        left = ops.where(going & ops.not_(collides), left - depth, left)
-        t = ops.where(going, ops.where(collides, t + left / ops.maximum(bound, 1e-30), leaves), t)
+        collides = going & (exponent < depth)
+        exponent = ops.where(going & ops.not_(collides), exponent - depth, exponent)
+        t = ops.where(going, ops.where(collides, t + exponent / ops.maximum(bound, 1e-30), leaves), t)
         if ops.any_lane(collides):
             density = _density(tables, fields, number, ray, ops.where(collides, t, 0.0))
             share = ops.where(collides, density / ops.maximum(bound, 1e-30), 0.0)
@@ -216,7 +216,7 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
             scattered = scattered | takes
             going = going & ops.not_(takes)
             u, v = numbers(key, step)
-            left = ops.where(collides, -ops.log(1.0 - u), left)
+            exponent = ops.where(collides, -ops.log(1.0 - u), exponent)
             step += 1
         going = going & (t < walk.end)
     return Flight(
@@ -237,15 +237,15 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
     factor, t = (zero + 1.0, zero + 1.0, zero + 1.0), walk.begin
     going = inside & (walk.begin < walk.end)
     u, v = numbers(key, 0)
-    left, step = -ops.log(1.0 - u), 1
+    exponent, step = -ops.log(1.0 - u), 1
     while ops.any_lane(going):
         most, leaves = _cell(fields, walk, ops.where(going, t, 0.0))
         bound = most * ops.maximum(sigma, 1e-30)
         leaves = ops.minimum(leaves, walk.end)
         depth = bound * (leaves - t)
-        collides = going & (left < depth)
-        left = ops.where(going & ops.not_(collides), left - depth, left)
-        t = ops.where(going, ops.where(collides, t + left / ops.maximum(bound, 1e-30), leaves), t)
+        collides = going & (exponent < depth)
+        exponent = ops.where(going & ops.not_(collides), exponent - depth, exponent)
+        t = ops.where(going, ops.where(collides, t + exponent / ops.maximum(bound, 1e-30), leaves), t)
         if ops.any_lane(collides):
             density = _density(tables, fields, number, ray, ops.where(collides, t, 0.0))
             share = ops.where(collides, density / ops.maximum(bound, 1e-30), 0.0)
@@ -259,7 +259,7 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
             factor = ops.where3(faint, ops.where3(lives, kept, (zero, zero, zero)), factor)
             going = going & ops.not_(faint & ops.not_(lives))
             u, v = numbers(key, step)
-            left = ops.where(collides, -ops.log(1.0 - u), left)
+            exponent = ops.where(collides, -ops.log(1.0 - u), exponent)
             step += 1
         going = going & (t < walk.end)
     return ops.where3(inside, factor, plain)

@@ -176,7 +176,7 @@ def DomeLight "Sky" {
     )  # fmt: skip
     size = ("--size", "8", "--samples", "1", "-q", "-o", "b.png")
     code, told = command("render", "a.usda", *size)
-    assert (code, "no ordinary file" in told, "the picture `pipe.png` is not an ordinary file" in told) == (0, True, True), told
+    assert (code, "not an ordinary file" in told, "the picture `pipe.png` is not an ordinary file" in told) == (0, True, True), told
     why = "pipe.usda is a device, a pipe or a socket: give the name of a file\n"
     code, told = command("render", "a.usda", "--session-layer", "pipe.usda", *size)
     assert (code, told.endswith(why)) == (2, True)

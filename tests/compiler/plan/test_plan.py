@@ -32,6 +32,7 @@ def scene(
                 "normalized": [False] * len(models),
                 "values": [[{ir.Slot.DIFFUSE: [0.5] * 3, ir.Slot.OPACITY: [1, 0, 0]}.get(s, [0] * 3) for s in ir.Slot] for _ in models],
                 "textures": [[-1] * ir.SLOTS for _ in models],
+                "medium": [-1] * len(models),
             },
         ),
         cameras=ir.table_of(

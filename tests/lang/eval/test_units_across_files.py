@@ -112,7 +112,7 @@ def arguments(parameters: tuple[ast.Parameter, ...], numbers: list[float], unit:
     return ", ".join(given)
 
 
-PLACED_BY = {"std/profiles": "extrude({}, 1m)"}
+PLACED_BY = {"std/profiles": "extrude({}, 1m)", "std/media": "sphere(1m, medium: {})"}
 NOT_PLACED = "std/prelude std/materials std/patterns face bezier_at stretch spline_at clamped".split()
 
 

@@ -43,7 +43,7 @@ The other scenes are written in our language and for Mitsuba by our exporter: a 
 metal and four matt ones under a picture of the sky with a small sun (depth 6), glass on a table by a lamp (depth 10), and an interior of
 500,000 triangles (depth 6).
 
-Four rooms have media: a slab (depth 130), a ball of milk (514), haze with the sun through a window (66), a cloud of 256³ voxels (258).
+Four rooms have media: a slab (depth 130), a ball of thin milk (258), haze with the sun through a window (66), a cloud of 256³ voxels (258).
 Mitsuba's `volpath` draws them.
 
 The rooms are examples, written as USD by our exporter and read from there by all (depth 10): patterns are white, and the shapes of lights

@@ -29,7 +29,7 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None, 
     sentences: list[str] = []
     if builder.diagnostics.failed:
         return ()
-    if builder.count("instances") == 0:
+    if builder.count("instances") + builder.count("media") == 0:
         hint = "place a shape, for example sphere(1)"
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:

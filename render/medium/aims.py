@@ -15,6 +15,7 @@ from ..types import Lane
 from . import tracking
 
 MOST = 64  # lights that distances are sampled for
+DEEPEST = 2  # flights of a path that are: each may double the throughput, which would grow without a bound in dense media
 
 
 def build(tables: ir.Tables) -> np.ndarray:
@@ -41,7 +42,7 @@ def sample(table: Any, wanted: Lane, ray: Any, t: Lane, v: Lane, key: tracking.K
     origin, direction, near, far = ray
     count = len(table.aims)
     none = ops.bool_like(near, False)
-    if count == 0 or ops.not_(ops.any_lane(wanted)):
+    if count == 0 or key.depth > DEEPEST or ops.not_(ops.any_lane(wanted)):
         return none, 0.0 * near, t
     w, which = tracking.numbers(key, 1)
     row = ops.int_like(near, 0)

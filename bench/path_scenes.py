@@ -214,10 +214,10 @@ def cloud(folder: Path, quick: bool = False) -> Setting:
     head = b"VOL\x03" + np.array([1, side, side, side, 1], "<i4").tobytes() + np.array([0, 0, 0, 1, 1, 1], "<f4").tobytes()
     (folder / "cloud.vol").write_bytes(head + voxels.astype("<f4").tobytes())
     text = _LIT + 'box(2, center: [0, 1.4, 0], medium: medium(scattering: 20, absorption: 0.1, density: volume("cloud.npy")))\n'
-    grid = """            <ref id="material4"/>
+    grid = f"""            <ref id="material4"/>
         <medium type="heterogeneous" name="interior">
             <volume type="gridvolume" name="sigma_t">
-                <string name="filename" value="cloud.vol"/>
+                <string name="filename" value="{folder / "cloud.vol"}"/>
                 <transform name="to_world"><translate x="-0.5" y="-0.5" z="-0.5"/><scale value="2"/><translate y="1.4"/></transform>
             </volume>
             <float name="scale" value="20.1"/>

@@ -33,7 +33,6 @@ from ..scene.row_records import (
 from .context import Context
 
 KOSCHMIEDER = 3.912  # extinction times visibility: −ln 2 %
-DENSEST = 1e9  # of densities by formulas
 DEPTH = 0.1  # metres, the mean free path without one
 VISIBILITY = 100.0  # metres
 HEIGHTS = 8.0  # of visibility over the falloff of a fog that has neither top nor falloff
@@ -169,10 +168,10 @@ class Media:
         """Whether no bound is known of the density of a medium in a box; reports it. Light could not be followed through it."""
         if id(element) in self._unbounded:
             return True
-        if id(element) not in self._tapes or not upper_bounds.exceeds(self._tapes[id(element)], bounds, DENSEST):
+        if id(element) not in self._tapes or not upper_bounds.exceeds(self._tapes[id(element)], bounds, upper_bounds.DENSEST):
             return False
         self._unbounded.add(id(element))
-        message = f"the density of this medium may exceed {DENSEST:g} in the box around its shape, as by a division by 0"
+        message = f"the density of this medium may exceed {upper_bounds.DENSEST:g} in the box around its shape, as by a division by 0"
         self._lowering.error(element, message, "keep divisors away from 0, as in 1 / max(x, 0.01)")
         return True
 

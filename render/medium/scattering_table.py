@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...compiler.formula import numpy_interpreter
+from ...compiler.formula import upper_bounds
 from ...compiler.formula.tape import Tape, load_tape
 from . import aims, tracking
 
@@ -45,15 +45,9 @@ class Scattering(NamedTuple):
 
 def bounded_density(tape: Tape, low: np.ndarray, high: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Majorants (z, y, x) of the first result of a tape on the cells of a grid; undefined values count as 0."""
-    fine = cells * SPLIT
-    edges = [np.linspace(low[k], high[k], fine[k] + 1) for k in range(3)]
-    grid = [np.meshgrid(*(e[part] for e in edges[::-1]), indexing="ij")[::-1] for part in (slice(None, -1), slice(1, None))]
-    flat = [np.stack([axis.ravel() for axis in corner]) for corner in grid]
-    bounds = numpy_interpreter.boxes(tape, *flat)[0]
-    most = np.broadcast_to(np.asarray(bounds[1], np.float64), flat[0].shape[1:])
-    most = np.maximum(np.where(np.isnan(most), 0.0, most), 0.0).reshape(fine[::-1])
     x, y, z = cells.tolist()
-    return np.ascontiguousarray(most.reshape(z, SPLIT, y, SPLIT, x, SPLIT).max(axis=(1, 3, 5)))
+    fine = upper_bounds.over_grid(tape, np.stack([low, high]), (SPLIT * x, SPLIT * y, SPLIT * z), upper_bounds.DENSEST)
+    return np.ascontiguousarray(fine.reshape(z, SPLIT, y, SPLIT, x, SPLIT).max(axis=(1, 3, 5)))
 
 
 def build(

@@ -85,8 +85,8 @@ def shade_vertex(
     if depth > options.bounces:
         ended = Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing)
         return sent, connection, path, nothing, Vertex(shading, ended, photon_map.no_estimate(inputs.photons, shading))
-    lit, known = vertex_light(inputs.vertices, tables, point, hit, surfaces)
-    sent = _add_local(tables, inputs, options.links, sent, shading, path, surfaces, lit, known)
+    lit, interpolated = vertex_light(inputs.vertices, tables, point, hit, surfaces)
+    sent = _add_local(tables, inputs, options.links, sent, shading, path, surfaces, lit, interpolated)
     gathers, base = here & (path.phase < photon_map.MATT), splits_lobe(inputs.photons, path.phase, shader)
     gathered = photon_map.estimate(inputs.photons, shading, uses, path.weight, gathers, base, direct.sample, photon_number(direct))
     ending = depth == options.bounces
@@ -95,11 +95,7 @@ def shade_vertex(
         last = ops.bool_like(zero, ops.not_(uses.sky) & ops.not_(uses.glossy))
     if len(inputs.emitters.kind) > 0:
         connection = sample_direct(tables, inputs, options.links, shading, path, here, last, lit, ending, direct)
-    u, v = numbers(index, 1)
-    which = zero
-    if uses.glossy or uses.sharp:
-        which = numbers(index, 2)[1]
-    scattered = flights.scatter(event, bsdf.sample_bsdf(shader, uses, point, viewer, u, v, which), path.direction, u, v)
+    scattered = _scatter(shading, uses, path, index)
     weight = ops.mul(path.weight, scattered.weight)
     if uses.open_sky:
         soft = here & ops.not_(lit) & (scattered.density < ONLY)
@@ -111,13 +107,29 @@ def shade_vertex(
     if ending:
         going = going & (scattered.density < ONLY)
     if depth >= END_FROM:
-        survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
-        survival = flights.survival(event, survival, SPARED * ops.largest(weight))
-        going = going & (numbers(index, 3)[0] < survival)
-        weight = ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY))
+        weight, going = _survive(event, weight, going, index)
     onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe)
     onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
     return sent, connection, onward, going, Vertex(shading, scattered, gathered)
+
+
+@helper
+def _scatter(shading: ShadingContext, uses: Any, path: PathState, index: PathSample) -> Scattered:
+    """A sample of the BSDF, or in media of the phase function."""
+    u, v = numbers(index, 1)
+    which = 0.0 * path.density
+    if uses.glossy or uses.sharp:
+        which = numbers(index, 2)[1]
+    sampled = bsdf.sample_bsdf(shading.shader, uses, shading.point, shading.viewer, u, v, which)
+    return flights.scatter(shading.event, sampled, path.direction, u, v)
+
+
+@helper
+def _survive(event: Any, weight: Vec, going: Lane, index: PathSample) -> tuple[Vec, Lane]:
+    """(weight, whether a path goes on) after Russian roulette."""
+    survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
+    survival = flights.survival(event, survival, SPARED * ops.largest(weight))
+    return ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY)), going & (numbers(index, 3)[0] < survival)
 
 
 @helper

@@ -20,15 +20,10 @@ from ..surface import interaction, triangle_records
 from ..types import Hit, Lane, Ray, Surface, Vec
 from .path_state import OTHER_RAY, PathSample, alpha_number
 from .ray_queue import as_searched, enters, for_search, from_search, pad, queue_up
-from .wave_memory import STATE
+from .wave_memory import STATE, load_near
 
 CAMERA = int(ir.Visibility.CAMERA)
 _WIDTH64 = simd.WIDTH64
-
-
-@helper
-def _near_of(table: Any, plain: Lane, memory: Any, at: int) -> Lane:
-    return simd.load(memory.near, at)
 
 
 @helper
@@ -36,7 +31,7 @@ def _gather_near(table: Any, plain: Lane, memory: Any, at: Lane) -> Lane:
     return memory.near[at]
 
 
-near_of, gather_near = specialize_if_present(_near_of), specialize_if_present(_gather_near)
+gather_near = specialize_if_present(_gather_near)
 
 
 @noinline_helper
@@ -51,7 +46,7 @@ def intersect_stage(accel, scene, frame, memory, source, n, depth):
         near, far = 0.0 * like, 0.0 * like + np.inf
         if depth == 0:
             near, far = simd.load(memory.near, i), simd.load(memory.hit, i)
-        near = near_of(medium_stack.scattering(scene.tables), near, memory, source * ROW + i)
+        near = load_near(medium_stack.scattering(scene.tables), near, memory, source * ROW + i)
         t, piece, a, b = primitive_hits.closest(scene.primitives.seen, origin, direction, near, far)
         simd.store(memory.hit, i, t)
         simd.store(memory.hit, ROW + i, a)

@@ -82,16 +82,13 @@ def _load_medium(outside: Any, plain: Any, memory: Any, at: int, depth: int) -> 
 
 
 @helper
-def _store_medium(inside: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
-    compress_store(memory.inside, at, inside, going)
+def _store_optional(value: Lane, plain: Any, rows: Any, at: int, going: Lane) -> None:
+    compress_store(rows, at, value, going)
 
 
 @helper
-def _store_facing(facing: Vec, plain: Any, memory: Any, at: int, going: Lane) -> None:
-    compress_store3(memory.facing, at, facing, going)
-
-
-store_facing = specialize_if_present(_store_facing)
+def _store_optional3(value: Vec, plain: Any, rows: Any, at: int, going: Lane) -> None:
+    compress_store3(rows, at, value, going)
 
 
 def load_facing(below: Any, memory: Any, at: int) -> Any:
@@ -113,38 +110,16 @@ def _load_links(linked: Any, plain: Any, memory: Any, at: int, depth: int) -> La
 
 
 @helper
-def _store_links(bits: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
-    compress_store(memory.links, at, bits, going)
-
-
-@helper
-def _store_blockers(blockers: Lane, plain: Any, memory: Any, at: int, wanted: Lane) -> None:
-    compress_store(memory.blockers, at, blockers, wanted)
-
-
-@helper
 def _load_near(table: Any, plain: Any, memory: Any, at: int) -> Lane:
     return simd.load(memory.near, at)
 
 
-@helper
-def _store_near(near: Lane, plain: Any, memory: Any, at: int, going: Lane) -> None:
-    compress_store(memory.near, at, near, going)
-
-
-@helper
-def _store_shadow_medium(inside: Lane, plain: Any, memory: Any, at: int, wanted: Lane) -> None:
-    compress_store(memory.shadow_inside, at, inside, wanted)
-
-
 load_near = specialize_if_present(_load_near)
-"""(scattering media, None, memory, at): where rays begin; None in scenes without such media."""
-store_near = specialize_if_present(_store_near)
-store_shadow_medium = specialize_if_present(_store_shadow_medium)
+"""(scattering media, plain, memory, at): where rays begin; `plain` in scenes without such media."""
 load_links = specialize_if_present(_load_links)
 """(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
-store_links = specialize_if_present(_store_links)
-store_blockers = specialize_if_present(_store_blockers)
 load_medium = specialize_if_present(_load_medium)
 """(outside, None, memory, at, depth): the medium stacks of rays; `outside` for camera rays, None in scenes without media."""
-store_medium = specialize_if_present(_store_medium)
+store_optional = specialize_if_present(_store_optional)
+"""(value, None, rows, at, going): store the lanes of a mask from place `at` on; nothing where the scene has no such value."""
+store_optional3 = specialize_if_present(_store_optional3)

@@ -41,12 +41,8 @@ from .wave_memory import (
     load_links,
     load_medium,
     load_near,
-    store_blockers,
-    store_facing,
-    store_links,
-    store_medium,
-    store_near,
-    store_shadow_medium,
+    store_optional,
+    store_optional3,
 )
 
 BEND_HEIGHT = 0.25  # of a distance: clears the surfaces between points whose normals are FACING
@@ -230,71 +226,91 @@ def _shade_stage(scene, frame, memory, source, n, depth):
     """Shade the hits of n rays; return (continuing rays, shadow rays, estimates from photons)."""
     tables, light, options = scene.tables, scene.light, frame.options
     like = simd.load(memory.state, 0)
-    step = crosslane.width(like)
-    base, target = source * STATE * ROW, (1 - source) * STATE * ROW
     kept, asked, gathered = 0, 0, 0
-    for i in range(0, n, step):
+    for i in range(0, n, crosslane.width(like)):
         active = simd.first_lanes(n - i, like)
-        density = simd.load(memory.state, base + 9 * ROW + i)
-        code = simd.load(memory.state, base + 10 * ROW + i)
-        straight = (code > 0.5) & (code < 1.5)
-        inside = load_medium(medium_stack.initial_stack(tables, density), None, memory, source * ROW + i, depth)
-        path = PathState(
-            load3(memory.state, base, 0, i), load3(memory.state, base, 3, i), load3(memory.state, base, 6, i), density, straight, inside,
-            ops.where(code > 1.5, code, 0.0), load_facing(scene.light.emitters.tree.below, memory, source * 3 * ROW + i),
-            load_links(options.links, None, memory, source * ROW + i, depth),
-            load_near(medium_stack.scattering(tables), None, memory, source * ROW + i),
-        )  # fmt: skip
+        path = _load_path(scene, options, memory, source, i, depth)
         slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
-        hit, piece, here = load_hits(memory, i, active)
-        missed = active & ops.not_(here)
         index = PathSample(pixel, sample, depth, options.seed)
-        flown = flights.fly(medium_stack.scattering(tables), None, tables, path, active, ops.where(here, hit.t, np.inf), index)
+        hit, piece, surfaces = load_hits(memory, i, active)
+        flown = flights.fly(medium_stack.scattering(tables), None, tables, path, active, ops.where(surfaces, hit.t, np.inf), index)
         path = flights.weighted(flown, path)
-        missed, here = flights.without_scattered(flown, missed), flights.without_scattered(flown, here)
+        missed = flights.without_scattered(flown, active & ops.not_(surfaces))
+        surfaces = flights.without_scattered(flown, surfaces)
         if ops.any_lane(missed):
-            behind, less = environment_radiance(tables, light, options, path, missed, depth)
-            if depth == 0:  # slots equal lanes
-                store3(memory.light, 0, 0, i, behind)
-                simd.store(memory.light, 3 * ROW + i, 1.0 - less)
-            elif ops.any_lane(missed & ((ops.largest(behind) > 0.0) | (less > 0.0))):
-                path_reuse.add_light(memory.shared, memory.light, slot, behind, missed, depth)
-                at = slot + 3 * ROW
-                simd.scatter(memory.light, at, simd.gather(memory.light, at, missed) - less, missed)
+            _add_environment(tables, light, options, memory, path, missed, slot, i, depth)
         add_glow(flown, None, memory, slot, active, depth)
-        if ops.not_(ops.any_lane(flights.any_vertex(flown, here))):
+        if ops.not_(ops.any_lane(flights.any_vertex(flown, surfaces))):
             continue
         time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
-        point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, here, time)
-        event = flights.event_of(flown, None, tables, path, point, here)
-        here = flights.vertices(event, here)
+        point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, surfaces, time)
+        event = flights.event_of(flown, None, tables, path, point, surfaces)
+        vertices = flights.vertices(event, surfaces)
         direct = index
         if depth == 0:  # light samples of first surfaces are not shared: those of neighbors have adjacent ranges of the sequence
             x, y, s = load3(memory.items, 0, 0, i)
             place, number = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
             direct = PathSample(place, number, depth, options.seed)
-        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, here, index, direct, event)
-        bright = here & (ops.largest(sent) > 0.0)
+        sent, connection, onward, going, vertex = shade_vertex(tables, light, options, path, hit, point, vertices, index, direct, event)
+        bright = vertices & (ops.largest(sent) > 0.0)
         if ops.any_lane(bright):
             path_reuse.add_light(memory.shared, memory.light, slot, sent, bright, depth)
-        onward = path_reuse.share_vertex(memory.shared, onward, tables, light.uses, vertex, connection, i, slot, here, depth)
+        onward = path_reuse.share_vertex(memory.shared, onward, tables, light.uses, vertex, connection, i, slot, vertices, depth)
         if ops.any_lane(connection.wanted):
             _push_shadow_ray(memory, asked, slot, connection)
             asked += simd.count(connection.wanted)
-        gathered = _push_estimate(vertex.gathered, gathered, memory, slot, here)
+        gathered = _push_estimate(vertex.gathered, gathered, memory, slot, vertices)
         if ops.any_lane(going):
-            compress_store3(memory.state, target + kept, onward.origin, going)
-            compress_store3(memory.state, target + 3 * ROW + kept, onward.direction, going)
-            compress_store3(memory.state, target + 6 * ROW + kept, onward.weight, going)
-            compress_store(memory.state, target + 9 * ROW + kept, onward.density, going)
-            compress_store(memory.state, target + 10 * ROW + kept, ops.where(onward.straight, 1.0, onward.phase), going)
-            compress_store3(memory.index, (1 - source) * 3 * ROW + kept, (slot, pixel, sample), going)
-            store_medium(onward.inside, None, memory, (1 - source) * ROW + kept, going)
-            store_links(onward.links, None, memory, (1 - source) * ROW + kept, going)
-            store_near(onward.near, None, memory, (1 - source) * ROW + kept, going)
-            store_facing(onward.facing, None, memory, (1 - source) * 3 * ROW + kept, going)
+            _push_path(memory, 1 - source, kept, onward, (slot, pixel, sample), going)
             kept += simd.count(going)
     return kept, asked, gathered
+
+
+@helper
+def _load_path(scene: Any, options: Any, memory: Any, source: int, i: int, depth: int) -> PathState:
+    """The paths i … of a depth."""
+    tables, base = scene.tables, source * STATE * ROW
+    density = simd.load(memory.state, base + 9 * ROW + i)
+    code = simd.load(memory.state, base + 10 * ROW + i)
+    straight = (code > 0.5) & (code < 1.5)
+    inside = load_medium(medium_stack.initial_stack(tables, density), None, memory, source * ROW + i, depth)
+    return PathState(
+        load3(memory.state, base, 0, i), load3(memory.state, base, 3, i), load3(memory.state, base, 6, i), density, straight, inside,
+        ops.where(code > 1.5, code, 0.0), load_facing(scene.light.emitters.tree.below, memory, source * 3 * ROW + i),
+        load_links(options.links, None, memory, source * ROW + i, depth),
+        load_near(medium_stack.scattering(tables), None, memory, source * ROW + i),
+    )  # fmt: skip
+
+
+@helper
+def _push_path(memory: Any, target: int, kept: int, onward: PathState, item: Any, going: Lane) -> None:
+    """Store the paths of a mask after `kept` ones of the next depth; `item` is (slot, pixel, sample)."""
+    base, at = target * STATE * ROW + kept, target * ROW + kept
+    compress_store3(memory.state, base, onward.origin, going)
+    compress_store3(memory.state, base + 3 * ROW, onward.direction, going)
+    compress_store3(memory.state, base + 6 * ROW, onward.weight, going)
+    compress_store(memory.state, base + 9 * ROW, onward.density, going)
+    compress_store(memory.state, base + 10 * ROW, ops.where(onward.straight, 1.0, onward.phase), going)
+    compress_store3(memory.index, target * 3 * ROW + kept, item, going)
+    store_optional(onward.inside, None, memory.inside, at, going)
+    store_optional(onward.links, None, memory.links, at, going)
+    store_optional(onward.near, None, memory.near, at, going)
+    store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + kept, going)
+
+
+@helper
+def _add_environment(
+    tables: Any, light: Any, options: Any, memory: Any, path: PathState, missed: Lane, slot: Lane, i: int, depth: int
+) -> None:  # fmt: skip
+    """Add the background to the light of paths i … that leave the scene."""
+    behind, less = environment_radiance(tables, light, options, path, missed, depth)
+    if depth == 0:  # slots equal lanes
+        store3(memory.light, 0, 0, i, behind)
+        simd.store(memory.light, 3 * ROW + i, 1.0 - less)
+    elif ops.any_lane(missed & ((ops.largest(behind) > 0.0) | (less > 0.0))):
+        path_reuse.add_light(memory.shared, memory.light, slot, behind, missed, depth)
+        at = slot + 3 * ROW
+        simd.scatter(memory.light, at, simd.gather(memory.light, at, missed) - less, missed)
 
 
 @helper
@@ -305,8 +321,8 @@ def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection
     compress_store(memory.shadow, 6 * ROW + asked, connection.distance, wanted)
     compress_store3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
     compress_store(memory.shadow_slot, asked, slot, wanted)
-    store_blockers(connection.blockers, None, memory, asked, wanted)
-    store_shadow_medium(connection.inside, None, memory, asked, wanted)
+    store_optional(connection.blockers, None, memory.blockers, asked, wanted)
+    store_optional(connection.inside, None, memory.shadow_inside, asked, wanted)
 
 
 @helper

@@ -14,9 +14,9 @@ TILT = 0.004  # m: half of the foot of a leg that leans is below the floor
 
 
 def loaded(text: str) -> ir.Scene:
-    found = Diagnostics()
-    scene = maquette.load_text(text, diagnostics=found)
-    assert [d.message for d in found.items] == []
+    diagnostics = Diagnostics()
+    scene = maquette.load_text(text, diagnostics=diagnostics)
+    assert [d.message for d in diagnostics.items] == []
     return scene
 
 

@@ -170,18 +170,18 @@ class Materials:
 
     def _absorption(self, extensions: dict[str, Any]) -> dict[ir.Slot, Input]:
         """What the glass of KHR_materials_volume absorbs."""
-        whole = _attenuation(extensions)
-        return {} if whole is None else {ir.Slot.ABSORPTION: Input(whole)}
+        absorbed = _attenuation(extensions)
+        return {} if absorbed is None else {ir.Slot.ABSORPTION: Input(absorbed)}
 
     def _medium(self, extensions: dict[str, Any]) -> int:
         """The row of the medium of KHR_materials_volume_scatter; NONE without one, or where nothing scatters."""
-        scatter, whole = extensions.get(_SCATTER, {}), _attenuation(extensions)
+        scatter, extinction = extensions.get(_SCATTER, {}), _attenuation(extensions)
         color = as_color(scatter.get("multiscatterColor", BLACK))
-        if whole is None or max(color) <= 0.0:
+        if extinction is None or max(color) <= 0.0:
             return NONE
         anisotropy = min(max(float(scatter.get("scatterAnisotropy", 0.0)), -_MOST_ANISOTROPY), _MOST_ANISOTROPY)
         single = scattering_albedo.single_from_multiple(color, anisotropy)
-        return self.builder.medium(scattering_albedo.by_extinction(whole, single, anisotropy), Span(self.name))
+        return self.builder.medium(scattering_albedo.by_extinction(extinction, single, anisotropy), Span(self.name))
 
     def _specular_glossiness(self, written: dict[str, Any], extension: dict[str, Any]) -> metallic_roughness.Surface:
         """KHR_materials_pbrSpecularGlossiness: a diffuse colour, a reflectance along the normal, and 1 − roughness in its alpha."""

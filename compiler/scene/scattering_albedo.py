@@ -23,9 +23,9 @@ def albedo(medium: MediumData) -> Color:
     return (r, g, b)
 
 
-def by_extinction(whole: Color, single: Color, anisotropy: float = 0.0) -> MediumData:
+def by_extinction(extinction: Color, single: Color, anisotropy: float = 0.0) -> MediumData:
     """The medium of an extinction per metre and an albedo of single scattering."""
-    (a, b, c), (r, g, s) = whole, single
+    (a, b, c), (r, g, s) = extinction, single
     return MediumData((a * r, b * g, c * s), (a * (1.0 - r), b * (1.0 - g), c * (1.0 - s)), anisotropy=anisotropy)
 
 

@@ -225,10 +225,10 @@ class _Measurement:
         assert self.short is not None
         if not self.short.fixed:
             least = max(self.before + self.short.needed() / short_runs.FIXED_SHARE, self.wanted.budget)
-            whole, against = formatting.seconds(least), formatting.seconds(self.before + self._needed(self.guess))
+            runs_take, against = formatting.seconds(least), formatting.seconds(self.before + self._needed(self.guess))
             small = "small pictures" if self.guess.denoised else "small pictures, without denoising"
             raise NothingMeasured(
-                f"this is estimated from {small}. Runs of the whole picture take about {whole}, and a chart against a reference "
+                f"this is estimated from {small}. Runs of the whole picture take about {runs_take}, and a chart against a reference "
                 f"about {against}, of the {self.wanted.budget:g} s there are: give a longer --budget or a smaller --size"
             )
         return self._short_chart(self.short, plan)
@@ -274,9 +274,9 @@ class _Measurement:
         drawn = self.short.ways(self._start(plan)) if self.short is not None else []
         limit = estimate.limit_of(guess.cut, int(plan["bounces"])) if guess is not None else estimate.Limit()
         start, names = self._start(plan), {"ray": estimate.way_of(plan)}
-        known = [curve for curve in curves if (curve.backend, curve.knob) not in self.lacking or curve.points[-1].bias]
-        known = [curve for curve in known if not (drawn and curve.backend == "ray")]
-        ways = drawn + cost_model.ways_of(known, names, start, limit.bias, limit.reason)
+        unbiased = [curve for curve in curves if (curve.backend, curve.knob) not in self.lacking or curve.points[-1].bias]
+        unbiased = [curve for curve in unbiased if not (drawn and curve.backend == "ray")]
+        ways = drawn + cost_model.ways_of(unbiased, names, start, limit.bias, limit.reason)
         if guess is not None and not any(way.setting.backend == "ray" for way in ways):
             ways += guess.ways(setting_sweeps.of_full_light(self.scene, self.light), start, limit)
         return cost_model.answers(ways, self.wanted.target)

@@ -1,6 +1,7 @@
-"""Short runs of the ray backend at full size, to which the model of the answers is fitted; a chart where no reference fits into the budget.
+"""Pictures of few samples, drawn at full size by the ray backend: the chart's model of time and error is fitted to them.
 
-Each run is drawn as a command would draw it. Its picture tells its own error, from two halves of its samples, before denoising and after.
+Where no reference fits into the budget, they are the chart. Each is drawn as a command would draw it. It tells its own error, from two
+halves of its samples, before denoising and after.
 Fixed samples come first, four times as many each time, then an error as small as there is time for, with adaptive sampling.
 """
 

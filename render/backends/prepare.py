@@ -101,9 +101,9 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
 
 def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator, general: bool) -> ir.Tables:
     """The scene's tables as all backends shade them: layered materials, meshes shaded at vertices, texture pyramids."""
-    whole = without_media.with_an_instance(scene.tables) if plan["transport"] == "path" else without_media.substitute(scene.tables)
-    transparent = light_shapes.let_through(whole, bool(plan["shadows.light_shapes"]))
-    around = camera_media.around(whole, view.camera)
+    source = without_media.with_an_instance(scene.tables) if plan["transport"] == "path" else without_media.substitute(scene.tables)
+    transparent = light_shapes.let_through(source, bool(plan["shadows.light_shapes"]))
+    around = camera_media.around(source, view.camera)
     tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general, around)
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures

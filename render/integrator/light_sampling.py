@@ -114,15 +114,15 @@ def sample_direct(
     above = rough | (ops.dot(arriving.direction, point.geometric) > 0.0)  # BSDF samples do not go below the geometric surface
     both_ways = weighed & above & ops.not_(last | lit | alone)
     factor = factor * ops.where(both_ways, mis_weight(arriving.density * chance, density, inputs.weighing, LIGHTS_ALONE), 1.0)
-    given = ops.scale(ops.mul(ops.mul(path.weight, share), arriving.light), factor)
+    radiance = ops.scale(ops.mul(ops.mul(path.weight, share), arriving.light), factor)
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, arriving.direction)
-    given = medium_stack.attenuate(inside, given, tables, arriving.distance)
+    radiance = medium_stack.attenuate(inside, radiance, tables, arriving.distance)
     origin = interaction.offset_shadow_origin(point, place, arriving.direction)
-    wanted = here & (ops.largest(given) > 0.0)
+    wanted = here & (ops.largest(radiance) > 0.0)
     above = bsdf.scatters_through(shader, normal_map.mask_behind(tables, point, arriving.direction, wanted))
     wanted = wanted & flights.or_scattered(shading.event, above)
     # Emitters do not block their own light: rays end before them by all rounding errors, and by the offset of their origin.
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
     distance = ops.where(shadows, reach, flights.untested(shading.event, ops.full_like(reach, -1.0), reach))
-    return Connection(origin, arriving.direction, distance, given, wanted, share, blockers, flights.carried(shading.event, None, inside))
+    return Connection(origin, arriving.direction, distance, radiance, wanted, share, blockers, flights.carried(shading.event, None, inside))

@@ -49,30 +49,30 @@ def radiance(
             visible = OTHER_RAY if depth else CAMERA_RAY
             index = PathSample(pixel, sample, depth, options.seed)
             hit = _pass_transparent(accel, tables, onward if depth else ray, hit, active, visible, index)
-        missed, here = active & (hit.instance < 0), active & (hit.instance >= 0)
+        missed, surfaces = active & (hit.instance < 0), active & (hit.instance >= 0)
         index = PathSample(pixel, sample, depth, options.seed)
-        flown = flights.fly(media, None, tables, path, active, np.where(here, hit.t, np.inf), index)
+        flown = flights.fly(media, None, tables, path, active, np.where(surfaces, hit.t, np.inf), index)
         path = flights.weighted(flown, path)
-        missed, here = flights.without_scattered(flown, missed), flights.without_scattered(flown, here)
+        missed, surfaces = flights.without_scattered(flown, missed), flights.without_scattered(flown, surfaces)
         if missed.any():
             behind, less = environment_radiance(tables, inputs, options, path, missed, depth)
             total, alpha = ops.add(total, behind), alpha - less
         if flown is not None:
             total = ops.where3(active, ops.add(total, flown.emitted), total)
-        if depth > options.bounces + 1 or not flights.any_vertex(flown, here).any():
+        if depth > options.bounces + 1 or not flights.any_vertex(flown, surfaces).any():
             break
         point = interaction.make_interaction(tables, onward, hit)
-        event = flights.event_of(flown, None, tables, path, point, here)
-        here = flights.vertices(event, here)
-        sent, connection, path, active, _ = shade_vertex(tables, inputs, options, path, hit, point, here, index, index, event)
+        event = flights.event_of(flown, None, tables, path, point, surfaces)
+        surfaces = flights.vertices(event, surfaces)
+        sent, connection, path, active, _ = shade_vertex(tables, inputs, options, path, hit, point, surfaces, index, index, event)
         total = ops.add(total, sent)
         if connection.wanted.any():
             blocking = connection.wanted & (connection.distance > 0.0) & options.shadows
             shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance, ray.time)
-            given = ops.scale(connection.light, _unblocked(options.links, accel, tables, shadow, blocking, connection.blockers))
+            radiance = ops.scale(connection.light, _unblocked(options.links, accel, tables, shadow, blocking, connection.blockers))
             if media is not None:
-                given = ops.mul(given, _through_media(media, accel, tables, shadow, connection, index))
-            total = ops.where3(connection.wanted, ops.add(total, given), total)
+                radiance = ops.mul(radiance, _through_media(media, accel, tables, shadow, connection, index))
+            total = ops.where3(connection.wanted, ops.add(total, radiance), total)
         if not active.any():
             break
         near = zero if path.near is None else path.near
@@ -90,16 +90,16 @@ def _through_media(media: Any, accel: Any, tables: ir.Tables, shadow: Ray, conne
     while going.any():
         ray = Ray(shadow.origin, shadow.direction, near, np.where(going, distance, 0.0), shadow.time)
         hit = intersect.closest_hit(accel, tables, ray, going & media.walled[0], OTHER_RAY)
-        here = going & (hit.instance >= 0) & (hit.t < distance)
-        far = np.maximum(np.where(here, hit.t, distance), near)
+        hits = going & (hit.instance >= 0) & (hit.t < distance)
+        far = np.maximum(np.where(hits, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
         key = tracking.Key(index.pixel, index.sample, tracking.depth_of_segment(index.depth, segment), index.seed, 1)
         white = tuple(np.ones(np.shape(distance)) for _ in range(3))
         share = free_flight.transmit(media, white, tables, number, ray.origin, ray.direction, near, far, key)
         passed = np.where(number > 0, passed * np.array(share), passed)
         point = interaction.make_interaction(tables, ray, hit)
-        inside = np.where(here, medium_stack.cross_boundary(inside, None, tables, point, ray.direction), inside)
-        near, going, segment = np.where(here, flights.behind(point, ray.direction, hit.t), near), here, segment + 1
+        inside = np.where(hits, medium_stack.cross_boundary(inside, None, tables, point, ray.direction), inside)
+        near, going, segment = np.where(hits, flights.behind(point, ray.direction, hit.t), near), hits, segment + 1
     return passed[0], passed[1], passed[2]
 
 

@@ -38,8 +38,8 @@ def test_thumbnails_of_a_folder(assets, tmp_path):
     out = tmp_path / "thumbs"
     code, made = run(assets, "-o", out)
     assert code == 1  # bad.obj
-    assert [one["name"] for one in made] == ["bad.obj", "cube.usda", "sub/flat.obj"]
-    assert [one["error"] for one in made] == ["this is not an OBJ file: it has neither vertices nor faces", "", ""]
+    assert [row["name"] for row in made] == ["bad.obj", "cube.usda", "sub/flat.obj"]
+    assert [row["error"] for row in made] == ["this is not an OBJ file: it has neither vertices nor faces", "", ""]
     assert (made[1]["instances"], made[2]["triangles"]) == (1, 1)
     assert made[1]["warnings"] == [f"{assets}/cube.usda</t>: Volume is not drawn"]
     picture = image_reader.read(out / "cube.usda.png").channels["rgba"]

@@ -158,9 +158,9 @@ class Materials:
         inside = exported.medium or MediumData()
         r, g, b = (a + c for a, c in zip(inside.absorption, exported.absorption, strict=True))
         inside = replace(inside, absorption=(r, g, b))
-        whole, volume = scattering_albedo.extinction(inside), dict[str, Any](thicknessFactor=1.0)
-        if (most := max(whole)) > 0:
-            volume |= {"attenuationDistance": 1.0 / most, "attenuationColor": [math.exp(-a / most) for a in whole]}
+        extinction, volume = scattering_albedo.extinction(inside), dict[str, Any](thicknessFactor=1.0)
+        if (most := max(extinction)) > 0:
+            volume |= {"attenuationDistance": 1.0 / most, "attenuationColor": [math.exp(-a / most) for a in extinction]}
         if max(inside.scattering) <= 0:
             return {"KHR_materials_volume": volume}
         color = scattering_albedo.multiple_from_single(scattering_albedo.albedo(inside), inside.anisotropy)

@@ -54,10 +54,10 @@ class Materials:
         inside = None if self.tables.materials.model[material] == ir.MaterialModel.SUBSURFACE else medium_of(self.out, material)
         if inside is None or (most := max(scattering_albedo.extinction(inside))) <= 0.0:
             return None
-        whole = np.divide(scattering_albedo.extinction(inside), most)
+        relative = np.divide(scattering_albedo.extinction(inside), most)
         phase = node("phase", "isotropic") if inside.anisotropy == 0.0 else node("phase", "hg", g=inside.anisotropy)
         medium = node("medium", "homogeneous", name="interior", scale=most)
-        return medium.with_(rgb("albedo", scattering_albedo.albedo(inside)), rgb("sigma_t", whole), phase)
+        return medium.with_(rgb("albedo", scattering_albedo.albedo(inside)), rgb("sigma_t", relative), phase)
 
     def _texture(self, rows: list[int]) -> int:
         """The texture for which the mesh gets coordinates."""

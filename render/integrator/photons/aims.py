@@ -37,17 +37,17 @@ class Aims(NamedTuple):
 def carried_by_photons(tables: ir.Tables, table: Emitters, spots: Any, all_sizes: bool) -> NDArray[np.bool_]:
     """(emitters,) whether photons carry an emitter's light; that of a dome only in its `spots`."""
     lamps, shining = caustic_casters.caustic_lights(tables, all_sizes)
-    found = np.zeros(len(table.kind), bool)
+    carried = np.zeros(len(table.kind), bool)
     light = table.light >= 0
-    found[light] = lamps[table.light[light]] & (table.kind[light] != SKY)
+    carried[light] = lamps[table.light[light]] & (table.kind[light] != SKY)
     if isinstance(spots, dome_spots.Spots):
-        found[spots.row] = True
+        carried[spots.row] = True
     for i in np.flatnonzero(shining & (table.first >= 0)):
         later = table.first[table.first > table.first[i]]
         lamp = np.flatnonzero((np.arange(len(light)) > table.first[i]) & light)
-        end = min([len(found), *later.tolist(), *lamp.tolist()])
-        found[table.first[i] : end] = True
-    return found
+        end = min([len(carried), *later.tolist(), *lamp.tolist()])
+        carried[table.first[i] : end] = True
+    return carried
 
 
 def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArray[np.bool_]) -> Aims | None:
@@ -61,8 +61,8 @@ def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArr
     flux = np.where(chosen[:, None], _flux(tables, table, centre, radius) * gain, 0.0)
     if not flux.any():
         return None
-    known, bounds = caustic_casters.bounding_spheres(tables)
-    ends = np.concatenate([known[np.isfinite(bounds)], table.place])
+    centres, bounds = caustic_casters.bounding_spheres(tables)
+    ends = np.concatenate([centres[np.isfinite(bounds)], table.place])
     reach = 4.0 * float(np.abs(ends).max(initial=1.0) + bounds[np.isfinite(bounds)].max(initial=1.0))
     flux = np.where(flux > 0.0, np.maximum(flux, 1e-3 * flux.max(axis=1, keepdims=True)), 0.0)
     chance = flux / flux.sum()
@@ -109,13 +109,13 @@ def _flux(tables: ir.Tables, table: Emitters, centre: F64, radius: F64) -> F64:
     sine = np.where(inside, 1.0, grown / np.maximum(away, 1e-300))
     solid = np.where(inside, 4.0 * math.pi, 2.0 * math.pi * (1.0 - np.sqrt(np.maximum(1.0 - sine * sine, 0.0))))
     color = table.color.mean(axis=1)
-    found = color[:, None] * np.where(table.area > 0, table.area, 1.0)[:, None] * solid
+    flux = color[:, None] * np.where(table.area > 0, table.area, 1.0)[:, None] * solid
     flat = np.isin(table.kind, (RECTANGLE, DISK, TRIANGLE)) & ~table.both
     height = np.sum(way * table.normal[:, None], axis=2)
-    found = np.where(flat[:, None] & (height <= -grown), 0.0, found)
+    flux = np.where(flat[:, None] & (height <= -grown), 0.0, flux)
     for e in np.flatnonzero(table.profile >= 0):
         edge = emitter_table.widest_angle(tables, int(table.light[e]))
         off = np.arccos(np.clip(height[e] / np.maximum(away[e], 1e-300), -1.0, 1.0))
-        found[e] = np.where(inside[e] | (off - np.arcsin(np.minimum(sine[e], 1.0)) < edge), found[e], 0.0)
+        flux[e] = np.where(inside[e] | (off - np.arcsin(np.minimum(sine[e], 1.0)) < edge), flux[e], 0.0)
     far = np.isin(table.kind, (DISTANT, SKY))
-    return np.where(far[:, None], color[:, None] * math.pi * radius[None] ** 2, found)
+    return np.where(far[:, None], color[:, None] * math.pi * radius[None] ** 2, flux)

@@ -31,7 +31,7 @@ from .. import photon_map
 from ..photon_coverage import photon_covers_lobe
 from ..photon_map import COLUMNS, MAPS
 from ..wave_intersection import intersect_stage, load_hits, surface_at
-from ..wave_memory import STATE, WaveMemory, load_medium, store_medium
+from ..wave_memory import STATE, WaveMemory, load_medium, store_optional
 from .aims import Aims
 from .emission import emit
 
@@ -75,8 +75,8 @@ class Tracer:
         self.effort = aims.effort
         self.maps = 0  # made so far
         self.so_far = 0  # photons
-        known = aims.radius[np.isfinite(aims.radius)]
-        self.width = 0.5 * float(known.max()) if len(known) else 0.05 * aims.reach  # of the coarsest cells
+        radii = aims.radius[np.isfinite(aims.radius)]
+        self.width = 0.5 * float(radii.max()) if len(radii) else 0.05 * aims.reach  # of the coarsest cells
         self.reach = float(aims.reach)
 
     def ready(self) -> None:
@@ -114,7 +114,7 @@ class Tracer:
         seed = frame.tables.options.seed
         shift = np.random.default_rng([seed & 0xFFFFFFFF, first]).random(3)  # cell edges differ from round to round
         origin = ((shift - 0.5) * 2.0 * self.width).astype(self.kind)
-        found: dict[tuple[int, int], NDArray[np.float32]] = {}
+        stored: dict[tuple[int, int], NDArray[np.float32]] = {}
 
         def draw(job: tuple[int, int, int]) -> None:
             number, start, some = job
@@ -127,11 +127,11 @@ class Tracer:
                 if kept <= space:
                     break
                 space = int(kept)
-            found[number, start] = rows[:, :kept].T.copy()
+            stored[number, start] = rows[:, :kept].T.copy()
 
         thread_pool.parallel_for(draw, jobs, self.threads)
         landed = [
-            np.concatenate([found.pop((first + k, start)) for start in range(0, each, BLOCK)]) for k in range(count)
+            np.concatenate([stored.pop((first + k, start)) for start in range(0, each, BLOCK)]) for k in range(count)
         ]  # fmt: skip
         return landed, origin
 
@@ -149,12 +149,12 @@ def trace_block(accel, scene, frame, aims, batch, origin, memory, stored):
     kept = 0
     for start in range(0, batch.count, SIZE):
         count, share = min(batch.count - start, SIZE), 1.0 / batch.total
-        left, source = _emit_stage(scene, frame, aims, memory, batch.number, batch.first + start, count, share), 0
+        active, source = _emit_stage(scene, frame, aims, memory, batch.number, batch.first + start, count, share), 0
         for depth in range(frame.options.bounces + 1):
-            if left == 0:
+            if active == 0:
                 break
-            intersect_stage(accel, scene, frame, memory, source, left, depth + 1)
-            left, kept = _scatter_stage(scene, frame, memory, source, left, depth, origin, stored, kept)
+            intersect_stage(accel, scene, frame, memory, source, active, depth + 1)
+            active, kept = _scatter_stage(scene, frame, memory, source, active, depth, origin, stored, kept)
             source = 1 - source
     simd.restore_denormals(saved)
     return kept
@@ -191,16 +191,16 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept)
         flags, number, index = load3(memory.index, source * 3 * ROW, 0, i)
         bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
         inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, source * ROW + i, depth)
-        hit, piece, here = load_hits(memory, i, simd.first_lanes(n - i, like))
-        if ops.not_(ops.any_lane(here)):
+        hit, piece, hits = load_hits(memory, i, simd.first_lanes(n - i, like))
+        if ops.not_(ops.any_lane(hits)):
             continue
-        power = medium_stack.attenuate(inside, power, tables, ops.where(here, hit.t, 0.0))
+        power = medium_stack.attenuate(inside, power, tables, ops.where(hits, hit.t, 0.0))
         time = sobol.sample_time(number, index, seed, frame.shutter)
-        point, hit = surface_at(tables, scene.primitives.records, start, direction, hit, piece, here, time)
+        point, hit = surface_at(tables, scene.primitives.records, start, direction, hit, piece, hits, time)
         point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, direction)
         shader = evaluate_shader_filtered(tables, point, light.uses, inside)
         matt = bsdf.has_matt(shader)
-        lands = here & bsdf.is_lit(shader) & (bent | (thrown & matt))
+        lands = hits & bsdf.is_lit(shader) & (bent | (thrown & matt))
         if ops.any_lane(lands):
             _store(stored, kept, lands, spread | thrown, point, direction, power, origin)
             kept += simd.count(lands)
@@ -211,14 +211,14 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept)
         weight = ops.scale(scattered.weight, _adjoint(point, shader, direction, scattered.direction, sharp))
         chance = ops.minimum(ops.largest(weight), 1.0)
         metal = bsdf.is_polished(shader) & ops.not_(sharp)
-        first = here & ops.not_(bent | thrown)
+        first = hits & ops.not_(bent | thrown)
         bounce = Bounce(scattered.direction, weight, chance)
         (to, weight, chance), thrown_by_lobe = _sample_covered_lobe(
             light.caustic_reflectance, bounce, point, shader, direction, (u, v, which), first
         )
         metal = metal | thrown_by_lobe
         bent = bent | (thrown & matt & ops.not_(sharp))
-        going = here & (sharp | bent | metal) & (end < chance)
+        going = hits & (sharp | bent | metal) & (end < chance)
         if ops.not_(ops.any_lane(going)):
             continue
         spread = spread | (bent & ops.not_(sharp))
@@ -231,7 +231,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept)
         compress_store3(memory.state, target + 6 * ROW + going_on, weight, going)
         compress_store3(memory.index, (1 - source) * 3 * ROW + going_on, (ops.to_int(flags) + 0 * number, number, index), going)
         inside = medium_stack.cross_boundary(inside, None, tables, point, to)
-        store_medium(inside, None, memory, (1 - source) * ROW + going_on, going)
+        store_optional(inside, None, memory.inside, (1 - source) * ROW + going_on, going)
         going_on += simd.count(going)
     return going_on, kept
 
@@ -256,19 +256,19 @@ def _sample_lobe(
 
     The aims send fewer photons here, by their gain; reflected photons make up for it.
     """
-    here = first & photon_covers_lobe(caustic_reflectance, point, shader)
+    sampled = first & photon_covers_lobe(caustic_reflectance, point, shader)
     direction, weight, chance = plain
-    if ops.any_lane(here):
+    if ops.any_lane(sampled):
         u, v, which = numbers
         to, share = bsdf.sample_lobe(shader, point.normal, ops.negate(arriving), u, v, which)
         share = ops.scale(share, _shading_normal_factor(point, arriving, to))
         zero = 0.0 * chance
         share = ops.where3(ops.dot(to, point.geometric) > 0.0, share, (zero, zero, zero))
-        direction, weight = ops.where3(here, to, direction), ops.where3(here, share, weight)
+        direction, weight = ops.where3(sampled, to, direction), ops.where3(sampled, share, weight)
         chance = ops.where(
-            here, ops.minimum(ops.largest(share) / ops.maximum(caustic_reflectance[point.instance], lights.TINY), 1.0), chance
+            sampled, ops.minimum(ops.largest(share) / ops.maximum(caustic_reflectance[point.instance], lights.TINY), 1.0), chance
         )
-    return Bounce(direction, weight, chance), here
+    return Bounce(direction, weight, chance), sampled
 
 
 @helper

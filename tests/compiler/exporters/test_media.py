@@ -49,9 +49,9 @@ def test_gltf_carries_homogeneous_media_and_bodies(tmp_path: Path) -> None:
     data = path.read_bytes()
     document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     assert "KHR_materials_volume_scatter" in document["extensionsUsed"]
-    found = Diagnostics()
-    before, after = load.load(tmp_path / "a.scene"), load.load(path, diagnostics=found)
-    assert [d.message for d in found.items] == []
+    diagnostics = Diagnostics()
+    before, after = load.load(tmp_path / "a.scene"), load.load(path, diagnostics=diagnostics)
+    assert [d.message for d in diagnostics.items] == []
     for column, off in HOMOGENEOUS.items():
         assert np.allclose(getattr(before.tables.media, column), getattr(after.tables.media, column), rtol=1e-4, atol=off)
     models = after.tables.materials.model[after.tables.instances.material].tolist()
@@ -69,10 +69,10 @@ def test_scattering_without_a_way_in_is_told(tmp_path: Path) -> None:
         material["extensions"].pop("KHR_materials_transmission", None)
         material["extensions"].pop("KHR_materials_diffuse_transmission", None)
     path.write_text(json.dumps(document), encoding="utf-8")
-    found = Diagnostics()
-    load.load(path, diagnostics=found)
+    diagnostics = Diagnostics()
+    load.load(path, diagnostics=diagnostics)
     message = "KHR_materials_volume_scatter counts where light passes: with KHR_materials_transmission from one half on"
-    assert any(d.message.startswith(message) for d in found.items)
+    assert any(d.message.startswith(message) for d in diagnostics.items)
 
 
 def test_mitsuba_gets_homogeneous_media_and_null_boundaries(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ SHAPES = {
 
 def check(b: Builder, name: int, at: np.ndarray, tolerance: float = 1e-6) -> None:
     gradients = Gradients(b, 1e-6)
-    found = gradients.gradient_of(name)
-    values = [gradients.value(term, found.over) for term in found.along]
+    gradient = gradients.gradient_of(name)
+    values = [gradients.value(term, gradient.over) for term in gradient.along]
     symbolic = np.stack(numpy_interpreter.points(b.finish(*values), *at))
     numeric = numpy_interpreter.gradients(b.finish(name), *at)[1]
     known = np.isfinite(numeric).all(axis=0) & (abs(numeric).max(axis=0) < 1e3)
@@ -54,8 +54,8 @@ def test_the_gradient_of_an_arc_has_its_direction():
     cosine = Gradients(b, 1e-6).dot(*normals)
     name = b.op(Op.ARC, p, q, Gradients(b, 1e-6).value(cosine.along[0], cosine.over))
     gradients = Gradients(b, 1e-6)
-    found = gradients.gradient_of(name)
-    symbolic = np.stack(numpy_interpreter.points(b.finish(*(gradients.value(term, found.over) for term in found.along)), *at))
+    gradient = gradients.gradient_of(name)
+    symbolic = np.stack(numpy_interpreter.points(b.finish(*(gradients.value(term, gradient.over) for term in gradient.along)), *at))
     values = np.stack(numpy_interpreter.points(b.finish(p, q), *at))
     single = (values.max(axis=0) > 0) & (values.min(axis=0) < -0.9 * values.max(axis=0))
     larger = np.where(values[0] > values[1], -at / np.linalg.norm(at, axis=0), np.array([[-0.6], [-0.8], [0.0]]))

@@ -37,7 +37,7 @@ def cpu_seconds(words: list[str]) -> float:
 
 def slowest(chart: Chart) -> Answer:
     """The answer of most time, of those that LONGEST allows: in it the start of the process counts least."""
-    return max((one for one in chart.answers if one.setting is not None and one.cpu < LONGEST), key=lambda one: one.cpu)
+    return max((answer for answer in chart.answers if answer.setting is not None and answer.cpu < LONGEST), key=lambda answer: answer.cpu)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -135,9 +135,9 @@ def test_the_time_of_the_first_picture_is_that_of_loading(monkeypatch: pytest.Mo
 
 
 def test_pictures_without_noise_have_no_error(monkeypatch: pytest.MonkeyPatch, scene: ir.Scene) -> None:
-    found = made(monkeypatch, scene, Model(error=0.0), 1e9)
-    assert found.error < 1e-5
-    (way,) = found.ways({"samples": SETTINGS["samples"]}, Seconds(), estimate.Limit())
+    estimated = made(monkeypatch, scene, Model(error=0.0), 1e9)
+    assert estimated.error < 1e-5
+    (way,) = estimated.ways({"samples": SETTINGS["samples"]}, Seconds(), estimate.Limit())
     assert way.samples(0.01) == (4.0, 4.0, 4.0)
 
 

@@ -33,14 +33,14 @@ def column(height: float, slope: float, top: float, falloff: float, distance: np
 @pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_absorption_follows_beer_and_lambert(tmp_path: Path, backend: str) -> None:
     ball = "sphere(1, medium: medium(absorption: [0.5, 1, 2]))\n"
-    found = seen(tmp_path, LOOK + SKY + ball, backend=backend, samples=16)
-    assert found[:3] == pytest.approx(np.exp([-1.0, -2.0, -4.0]), rel=2e-3)
+    radiance = seen(tmp_path, LOOK + SKY + ball, backend=backend, samples=16)
+    assert radiance[:3] == pytest.approx(np.exp([-1.0, -2.0, -4.0]), rel=2e-3)
 
 
 def test_emission_follows_its_integral(tmp_path: Path) -> None:
     ball = "sphere(1, medium: medium(absorption: 1, emission: [1, 2, 3]))\n"
-    found = seen(tmp_path, LOOK + SKY + ball, samples=16)
-    assert found[:3] == pytest.approx((1 - math.exp(-2)) * np.array([1.0, 2, 3]) + math.exp(-2), rel=2e-3)
+    radiance = seen(tmp_path, LOOK + SKY + ball, samples=16)
+    assert radiance[:3] == pytest.approx((1 - math.exp(-2)) * np.array([1.0, 2, 3]) + math.exp(-2), rel=2e-3)
 
 
 @pytest.mark.parametrize("density", ["", ", density: |x, y, z| max(0, 1 - 2 * abs(z)) + 0.2 * noise(8 * x, 8 * y, 8 * z)"])
@@ -48,8 +48,8 @@ def test_emission_follows_its_integral(tmp_path: Path) -> None:
 def test_a_furnace_keeps_all_light(tmp_path: Path, phase: float, density: str) -> None:
     """A ball that absorbs nothing vanishes before a sky of radiance 1, in each colour."""
     ball = f"sphere(1, medium: medium(scattering: [4, 2, 1], absorption: 0, phase: {phase}{density}))\n"
-    found = seen(tmp_path, LOOK.replace("0.2deg", "40deg") + SKY + ball, samples=512, size=(8, 8))
-    assert found[:3] == pytest.approx(1.0, abs=0.02)
+    radiance = seen(tmp_path, LOOK.replace("0.2deg", "40deg") + SKY + ball, samples=512, size=(8, 8))
+    assert radiance[:3] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_furnace_of_glass_keeps_all_light(tmp_path: Path) -> None:
@@ -68,8 +68,8 @@ def test_a_density_moves_with_its_shape(tmp_path: Path, block: str) -> None:
     length = {"scale(2)": 2.0, "scale([1, 1, 3])": 3.0}.get(block, 1.0)
     wide = {"rotate([0, 90deg, 0])": "x"}.get(block, "z")
     text = f"{block} {{ sphere(1, medium: medium(absorption: 0.5, density: |x, y, z| abs({wide}))) }}\n"
-    found = seen(tmp_path, LOOK.replace("0, 0, 4]", "0, 0, 9]") + SKY + text, samples=4096)
-    assert found[0] == pytest.approx(math.exp(-0.5 * length), abs=6e-3)
+    radiance = seen(tmp_path, LOOK.replace("0, 0, 4]", "0, 0, 9]") + SKY + text, samples=4096)
+    assert radiance[0] == pytest.approx(math.exp(-0.5 * length), abs=6e-3)
 
 
 @pytest.mark.parametrize(("top", "falloff"), [(2, 3), (2, 0), (20, 3)])
@@ -173,11 +173,11 @@ def walked_albedo(albedo: float, g: float, cosine: float, walkers: int = 100_000
     """As `albedo_of_half_space` for the phase function of Henyey and Greenstein, by light that walks down from one direction."""
     rng = np.random.default_rng(7)
     depth, mu = np.zeros(walkers), np.full(walkers, -cosine)
-    weight, left = np.ones(walkers), 0.0
+    weight, escaped = np.ones(walkers), 0.0
     for _ in range(2000):
         depth = depth + mu * rng.exponential(size=len(mu))
         out = depth > 0
-        left += weight[out].sum()
+        escaped += weight[out].sum()
         depth, mu, weight = depth[~out], mu[~out], weight[~out] * albedo
         alive = rng.random(len(weight)) < np.minimum(10 * weight, 1)
         depth, mu, weight = depth[alive], mu[alive], weight[alive] / np.minimum(10 * weight[alive], 1)
@@ -186,7 +186,7 @@ def walked_albedo(albedo: float, g: float, cosine: float, walkers: int = 100_000
         turn = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * rng.random(len(mu)))) ** 2) / (2 * g)
         sines = np.sqrt(np.maximum((1 - mu * mu) * (1 - turn * turn), 0))
         mu = mu * turn + sines * np.cos(2 * math.pi * rng.random(len(mu)))
-    return left / walkers
+    return escaped / walkers
 
 
 @pytest.mark.parametrize(("albedo", "g"), [(0.5, 0.8), (0.9, 0.8), (0.99, 0.5), (0.9, -0.6)])
@@ -216,10 +216,10 @@ def test_media_have_the_same_bits_on_any_number_of_threads(tmp_path: Path, threa
     path = tmp_path / "a.scene"
     text = LOOK.replace("0.2deg", "40deg") + SKY + "point([0, 1, 1], intensity: 3)\nplane(y: -1)\nfog(visibility: 20m)\n"
     path.write_text(text + "sphere(1, medium: medium(#fff, 30cm, density: |x, y, z| 1 - z))\n", encoding="utf-8")
-    one, other = (
+    first, second = (
         maquette.load(path).render(size=(70, 40), samples=4, denoise=False, threads=k).channels["rgba"] for k in (threads, 2)
     )
-    assert np.array_equal(one, other)
+    assert np.array_equal(first, second)
 
 
 @pytest.mark.parametrize("backend", ["ray", "reference"])

@@ -23,8 +23,8 @@ def test_a_column_is_the_integral_of_the_density(height: float, slope: float, to
     t = np.linspace(0, distance, 4001)
     density = column.density_at(height + slope * t, np.full_like(t, top), np.full_like(t, falloff))
     expected = np.sum(0.5 * (density[1:] + density[:-1])) * t[1]
-    found = column.column(*like, np.array([distance]))[0]
-    assert found == pytest.approx(expected, rel=2e-3, abs=2e-4 * distance)
+    integral = column.column(*like, np.array([distance]))[0]
+    assert integral == pytest.approx(expected, rel=2e-3, abs=2e-4 * distance)
 
 
 @given(HEIGHTS, SLOPES, HEIGHTS, st.sampled_from([0.0, 0.3, 5.0, 100.0]), st.floats(0.01, 200))

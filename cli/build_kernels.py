@@ -65,7 +65,7 @@ VARIANTS = {
     "shared paths": Variant(_BALL.format(_MATT) + _AREA, {"bounces": 2}),
     "shared paths of formulas": Variant(_FORMULA.format(_MATT) + _AREA, {"bounces": 2}),
     "media": Variant(_BALL.format(_SHINY) + _MILK + _AREA, {"bounces": 2}),
-    "media of formulas": Variant(_FORMULA.format(_SHINY) + _CLOUD + _AREA, {"bounces": 2}),
+    "media of formulas": Variant(_FORMULA.format(_SHINY) + _CLOUD + _AREA, {"bounces": 2, "aov": ("transmittance",)}),
     "rays": Variant(_BALL.format(_MATT) + _SUN, {}),
     "meshes": Variant(_MESH.format(_SMOOTH) + _SUN, {}),
     "many objects": Variant(_MANY.format(_MATT) + _SUN, {}),  # build kernels of several meshes and many instances

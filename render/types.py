@@ -39,6 +39,15 @@ class FirstHits(NamedTuple):
     tables: ir.Tables
     ray: Ray
     hit: Hit
+    media: Any = None  # a function without arguments that returns their StraightMedia; None in scenes without media
+
+
+class StraightMedia(NamedTuple):
+    """What media between n camera rays and what they hit do to its light."""
+
+    transmittance: Any  # (3, n) share of the light that passes without scattering
+    distance: Any  # (n,) mean distance of the first scattering, or of the surface; without a surface the mean of light that scatters
+    albedo: Any  # (3, n) albedo of the media on the way, times the share of the light that they keep from the camera
 
 
 class Surface(NamedTuple):

@@ -12,7 +12,9 @@ def substitute(tables: ir.Tables) -> ir.Tables:
     """The tables without media that scatter, emit or have invisible boundaries; bodies that light enters are diffuse surfaces."""
     if not traits.participates(tables):
         return tables
-    tables = subsurface.diffuse_substitute(tables)
+    clear, visible = traits.invisible(tables), tables.instances.visible.copy()
+    visible[clear[tables.instances.material]] = 0
+    tables = subsurface.diffuse_substitute(tables._replace(instances=tables.instances._replace(visible=visible)))
     none = np.full(len(tables.materials.model), -1, np.int32)
     return tables._replace(materials=tables.materials._replace(medium=none), media=ir.table_of("media", {}))
 

@@ -38,6 +38,14 @@ CHANNELS = {
         "rows of instance and material; -1 for misses", "instance material", lambda points: (points.instance, points.material), -1.0, "row",
         "instances",
     ),
+    "transmittance": Channel(
+        "share of the light of what is seen that passes media straight; 1 without media", "RGB", lambda points: points.transmittance, 1.0,
+        "color",
+    ),
+    "scatter_depth": Channel(
+        "mean depth of the first scattering in media, or of the surface; inf where there is neither", "Z", lambda points: (points.depth,),
+        math.inf, "distance", "first scattering",
+    ),
     "variance": Channel("variance of the pixel's mean, from halves of its samples", "RGB"),
     "samples": Channel("samples of the pixel", "N", shown="count"),
     "cryptomatte": Channel("crypto_object and crypto_material: coverage by instance and by material"),

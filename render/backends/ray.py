@@ -25,7 +25,7 @@ from ..integrator import background
 from ..jit.packed_struct import Handle
 from ..simd import target
 from ..types import Film, FirstHits, Hit, Ray, Tile, View
-from . import prepare
+from . import prepare, straight_rays
 from .ray_samples import Workspace, draw_tile
 
 CAMERA = int(ir.Visibility.CAMERA)
@@ -201,15 +201,28 @@ class Renderer:
         x, y = aov.pixel_centers(tile)
         with np.errstate(all="ignore"):
             ray = camera.pinhole_ray(tables, self.view, x, y)
-        hit = Hit(*self._find_hits(ray))
-        aov.channels_of(tables, self.view, ray, hit, names, out, self._find_unproved(ray) if "issues" in names else None)
+        seen = self._first_surfaces(ray, Hit(*self._find_hits(ray)), straight_rays.STEPS)
+        issues = self._find_unproved(ray) if "issues" in names else None
+        aov.channels_of(tables, self.view, ray, seen.hit, names, out, issues, seen.media)
 
     def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """The first hits of samples of each pixel, at the shutter's opening; all at once, for the calls of numpy take long."""
         rays = self._camera_rays.trace(tile, samples, total)
         hit = Hit(*ray_queries.closest(self._accel_of_channels(), *rays, CAMERA))
         origin, direction = (tuple(np.ascontiguousarray(vector.T)) for vector in (rays.origin, rays.direction))
-        yield FirstHits(self.prepared.tables, Ray(origin, direction, rays.begin, rays.end), hit)
+        yield self._first_surfaces(Ray(origin, direction, rays.begin, rays.end), hit, straight_rays.GUIDE_STEPS)
+
+    def _first_surfaces(self, ray: Ray, hit: Hit, steps: int) -> FirstHits:
+        """The first hits behind invisible boundaries."""
+
+        def closest(rays: Ray) -> Hit:
+            return Hit(*self._find_hits(rays))
+
+        return straight_rays.first_hits(self.prepared.tables, ray, hit, closest, steps, self._march)
+
+    @functools.cached_property
+    def _march(self) -> straight_rays.March | None:
+        return straight_rays.march_by_kernel(self.prepared.tables)
 
     @functools.cached_property
     def _camera_rays(self) -> guide_kernels.CameraRays:

@@ -18,6 +18,7 @@ from ..integrator import ray_stack, whitted
 from ..integrator.records import Scene
 from ..sampling import sobol
 from ..types import Film, FirstHits, Ray, Tile, View
+from . import straight_rays
 from .prepare import Prepared
 
 
@@ -64,16 +65,21 @@ class Renderer(Unshared):
         """Write the named channels of a tile, (h, w, k) each."""
         with np.errstate(all="ignore"):
             ray = camera.pinhole_ray(self.prepared.tables, self.view, *aov.pixel_centers(tile))
-            hit = self._first_hit(ray)
-        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
+        seen = self._first_surfaces(ray, straight_rays.STEPS)
+        aov.channels_of(self.prepared.tables, self.view, ray, seen.hit, names, out, media=seen.media)
 
     def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """The first hits of samples of each pixel, at the shutter's opening."""
         for s in samples:
             with np.errstate(all="ignore"):
                 ray = aov.sample_rays(self.prepared.tables, self.view, self.prepared.frame, tile, range(s, s + 1), total)
-                found = FirstHits(self.prepared.tables, ray, self._first_hit(ray))
-            yield found
+            yield self._first_surfaces(ray, straight_rays.GUIDE_STEPS)
+
+    def _first_surfaces(self, ray: Ray, steps: int) -> FirstHits:
+        """The first hits behind invisible boundaries."""
+        with np.errstate(all="ignore"):
+            hit = self._first_hit(ray)
+        return straight_rays.first_hits(self.prepared.tables, ray, hit, self._first_hit, steps)
 
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..lanes import affine, ops
 from ..sampling import sobol
 from ..surface import interaction
 from ..surface.material_inputs import color_of
-from ..types import Frame, Hit, Lane, Ray, Surface, Tables, Tile, Vec, View
+from ..types import Frame, Hit, Lane, Ray, StraightMedia, Surface, Tables, Tile, Vec, View
 
 DIFFUSE = int(ir.Slot.DIFFUSE)
 EMISSION = int(ir.Slot.EMISSION)
@@ -41,11 +42,11 @@ def sample_rays(tables: ir.Tables, view: View, frame: Frame, tile: Tile, samples
 
 def channels_of(
     tables: Tables, view: View, ray: Ray, hit: Hit, names: tuple[str, ...], out: dict[str, NDArray[np.float32]],
-    issues: NDArray[np.bool_] | None = None,
+    issues: NDArray[np.bool_] | None = None, media: Callable[[], StraightMedia] | None = None,
 ) -> None:  # fmt: skip
     """Write the named channels, (h, w, k) each, of h · w rays and what they hit, as image.WIDTHS describes them.
 
-    All lanes are numpy arrays, row by row. `issues` are computed if they are None.
+    All lanes are numpy arrays, row by row. `issues` are computed if they are None. `media` are those on the way, as in FirstHits.
     """
     n = len(hit.t)
     whole = ray
@@ -60,8 +61,20 @@ def channels_of(
                     flat[name][seen] = np.stack(np.broadcast_arrays(*value(points)), axis=1)
     if "issues" in names:
         flat["issues"][:, 0] = unproven(tables, whole, hit) if issues is None else issues
+    if media is not None and {"transmittance", "scatter_depth"} & {*names}:
+        _write_media(tables, view, whole, media(), flat)
     for name in names:
         out[name][...] = flat[name].reshape(out[name].shape)
+
+
+def _write_media(tables: Tables, view: View, ray: Ray, media: StraightMedia, flat: dict[str, NDArray[np.float32]]) -> None:
+    """Write the channels of media on the way, also of rays that hit nothing."""
+    if "transmittance" in flat:
+        flat["transmittance"][:] = media.transmittance.T
+    if "scatter_depth" in flat:
+        start, further = (camera.depth(tables, view, ops.along(ray.origin, ray.direction, t)) for t in (0.0, 1.0))
+        known = np.isfinite(media.distance)
+        flat["scatter_depth"][:, 0] = np.where(known, start + np.where(known, media.distance, 0.0) * (further - start), np.inf)
 
 
 def unproven(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
@@ -137,6 +150,12 @@ class VisiblePoints:
     def material(self) -> Lane:
         """Rows of Materials."""
         return self.surface.material
+
+    @property
+    def transmittance(self) -> Vec:
+        """Ones: without media nothing is lost. `channels_of` replaces them where there are media."""
+        one = 0.0 * self._hit.t + 1.0
+        return one, one, one
 
     @property
     def unproven(self) -> Lane:

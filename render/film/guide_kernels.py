@@ -15,7 +15,7 @@ from ..lanes import crosslane, ops
 from ..sampling import sobol
 from ..surface import interaction
 from ..surface.material_inputs import color_of
-from ..types import FirstHits, Frame, Hit, Lane, Lens, Ray, Tile, Vec, View
+from ..types import FirstHits, Frame, Hit, Lane, Lens, Ray, StraightMedia, Tile, Vec, View
 
 DIFFUSE, SPECULAR, REFLECTION, TRANSMISSION, EMISSION = (
     int(slot) for slot in (ir.Slot.DIFFUSE, ir.Slot.SPECULAR, ir.Slot.REFLECTION, ir.Slot.TRANSMISSION, ir.Slot.EMISSION)
@@ -73,7 +73,8 @@ class Surfaces:
     def add(self, first: FirstHits, count: int, out: NDArray[np.float64]) -> None:
         """Add albedo and normals over `count` to `out`, (2, pixels, 3), sample by sample; nothing for misses.
 
-        The albedo of mirrors and glass is their specular color.
+        The albedo of mirrors and glass is their specular color. Behind media, the surface counts by the share of its light that passes
+        them, and they by the rest.
         """
         ray, hit = first.ray, first.hit
         if not len(hit.t) or not len(first.tables.instances.geometry):
@@ -83,7 +84,16 @@ class Surfaces:
             entry = self._tables[id(first.tables)] = first.tables, plain_tables(first.tables)
         n = len(hit.t)
         origin, direction = (np.stack([np.broadcast_to(c, n) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
-        _add(entry[1], origin, direction, Hit(*map(np.ascontiguousarray, hit)), float(count), out)
+        hits = Hit(*map(np.ascontiguousarray, hit))
+        if first.media is None:
+            _add(entry[1], origin, direction, hits, float(count), out)
+            return
+        of_rays = np.zeros((2, n, 3))
+        _add(entry[1], origin, direction, hits, 1.0, of_rays)
+        media: StraightMedia = first.media()
+        of_rays[0] = of_rays[0] * media.transmittance.T + media.albedo.T
+        of_rays[1] *= media.transmittance.mean(axis=0)[:, None]
+        out += of_rays.reshape(2, -1, out.shape[1], 3).sum(axis=1) / count
 
 
 @kernel

@@ -265,6 +265,28 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
     return ops.where3(inside, factor, plain)
 
 
+@noinline_helper
+def march(fields: Any, tables: Tables, number: Lane, ray: Any, rate: Vec, steps: int) -> tuple[Lane, Vec]:
+    """(column of a density along a ray, integral of the distance · probability density of the first scattering), by midpoints.
+
+    `rate` is the scattering per metre of density 1 in red, green and blue. Each medium has a density.
+    """
+    walk = _walk(fields, number, ray)
+    zero = 0.0 * walk.origin[0]
+    length = ops.where(walk.end > walk.begin, walk.end - walk.begin, zero)
+    step = length / steps
+    start = ops.where(length > 0.0, walk.begin, zero)
+    total, first, before = zero, (zero, zero, zero), (zero + 1.0, zero + 1.0, zero + 1.0)
+    for k in range(steps):
+        t = start + (k + 0.5) * step
+        total = total + step * _density(tables, fields, number, ray, t)
+        after = (ops.exp(-ops.minimum(rate[0] * total, 80.0)), ops.exp(-ops.minimum(rate[1] * total, 80.0)),
+                 ops.exp(-ops.minimum(rate[2] * total, 80.0)))  # fmt: skip
+        first = ops.add(first, ops.scale(ops.sub(before, after), t))
+        before = after
+    return total, first
+
+
 fly = specialize_if_present(_fly)
 """(fields, flight in closed form, tables, table, number, (origin, direction, near, far), throughput, key) → flight."""
 transmit = specialize_if_present(_transmit)

@@ -233,7 +233,7 @@ class _Writer:
         if lights.instance[row] >= 0:
             self.out.cannot("the shape of an area light is not carried: USD's lights light what is there, and are not seen", "lights", row)
         if kind.FORM in (Form.RECTANGLE, Form.DISK):
-            frame[:3, :3] = frame[:3, :3] @ _TURNED.T
+            frame[:3, :3] = frame[:3, :3] @ _TURNED
         return schema, described.intensity, frame
 
 

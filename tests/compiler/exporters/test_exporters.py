@@ -315,3 +315,15 @@ def test_gltf_tells_of_a_fall_off_that_it_lacks(tmp_path: Path) -> None:
     (tmp_path / "a.scene").write_text("sphere(1)\npoint(position: [0, 3, 0], falloff: [1, 0, 0])\n")
     said = CliRunner().invoke(cli, ["convert", str(tmp_path / "a.scene"), str(tmp_path / "a.glb")]).stderr
     assert "a.scene:2:1: warning: a fall-off other than 1/d² is not carried\n" in said
+
+
+@pytest.mark.parametrize("options", ["", ', shape: "disk"', ", look_at: [2, 0, 1]", ', look_at: [2, 5, 1], shape: "disk"'])
+def test_area_lights_of_usd_shine_where_ours_do(options: str, tmp_path: Path) -> None:
+    """The exporter turned plates the wrong way once: lamps under a ceiling lit the ceiling."""
+    (tmp_path / "a.scene").write_text(f"sphere(1)\narea([1, 3, 0.5]{options})\n")
+    CliRunner().invoke(cli, ["convert", str(tmp_path / "a.scene"), str(tmp_path / "a.usda")], catch_exceptions=False)
+    frames = []
+    for ending in ("scene", "usda"):
+        tables = maquette.load(tmp_path / f"a.{ending}").tables
+        frames.append(tables.transforms.matrix[tables.lights.transform[0]])
+    assert np.allclose(frames[1][:, 1:], frames[0][:, 1:], atol=1e-6)  # +y, towards which it emits, +z, and the position

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,8 @@ from . import meshes
 class Setting:
     """A scene. `swaps` are patterns of the exported XML and their replacements, each for the first match.
 
-    `stage` is the USD file that a room was read from. Peers shade its materials and lights in their own ways: answers differ.
+    `stage` is a USD file of the scene. Rooms are read from it (`staged`): peers shade its materials and lights in their own ways, so that
+    answers differ. `media` has the media of the stage's objects by name, which the stage does not have.
     """
 
     title: str
@@ -31,6 +32,8 @@ class Setting:
     depth: int
     swaps: tuple[tuple[str, str], ...] = ()
     stage: Path | None = None
+    staged: bool = False
+    media: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def decide(self, size: int, samples: int | None, seed: int, error: float | None = None) -> tuple[ir.Scene, plan.Plan]:
         """The scene, and the plan of a square picture on one thread."""
@@ -59,6 +62,18 @@ def _setting(folder: Path, name: str, title: str, text: str, depth: int, swaps: 
     path = folder / f"{name}.scene"
     path.write_text(text, encoding="utf-8")
     return Setting(title, load(path), depth, swaps)
+
+
+def _with_media(setting: Setting, folder: Path, media: Mapping[str, Mapping[str, Any]]) -> Setting:
+    """The setting with a stage for Cycles, and the media of its objects."""
+    return replace(setting, stage=_stage(setting.scene, folder, setting.title.split()[0].lower()), media=media)
+
+
+def _stage(scene: ir.Scene, folder: Path, name: str) -> Path:
+    decided = plan.make_plan(scene, ir.Settings(size=(128, 128)))
+    stage = folder / f"{name}.usdc"
+    usd_scene.write(scene, decided, name, stage.suffix, scene_meshes.make_converters(scene, None)).save(stage)
+    return stage
 
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
@@ -155,10 +170,8 @@ def _room(name: str, title: str, depth: int) -> Callable[[Path, bool], Setting]:
 
     def made(folder: Path, _quick: bool = False) -> Setting:
         scene = load(EXAMPLES / f"{name}.scene")
-        decided = plan.make_plan(scene, ir.Settings(size=(128, 128)))
-        stage = folder / f"{name}.usdc"
-        usd_scene.write(scene, decided, name, stage.suffix, scene_meshes.make_converters(scene, None)).save(stage)
-        return Setting(title, load(stage), depth, (), stage)
+        stage = _stage(scene, folder, name)
+        return Setting(title, load(stage), depth, (), stage, staged=True)
 
     return made
 
@@ -170,13 +183,15 @@ _MILK = "scattering: [10, 13, 15], absorption: [0.044, 0.096, 0.56]"  # of Jense
 def slab(folder: Path, _quick: bool = False) -> Setting:
     """A slab of an even medium in a room."""
     text = _LIT + "box([3, 1.6, 0.5], center: [0, 1, -0.5], medium: medium(scattering: 4, absorption: 0.4, phase: 0.5))\n"
-    return _setting(folder, "slab", "A slab of a medium in a room", text, 130)
+    setting = _setting(folder, "slab", "A slab of a medium in a room", text, 130)
+    return _with_media(setting, folder, {"box": {"scattering": [4, 4, 4], "absorption": [0.4, 0.4, 0.4], "phase": 0.5}})
 
 
 def milk(folder: Path, _quick: bool = False) -> Setting:
     """A ball of milk in a room."""
     text = _LIT + f"sphere(0.8, center: [0, 1, 0], medium: medium({_MILK}, phase: 0.3))\n"
-    return _setting(folder, "milk", "A ball of thin milk in a room", text, 258)
+    setting = _setting(folder, "milk", "A ball of thin milk in a room", text, 258)
+    return _with_media(setting, folder, {"sphere": {"scattering": [10, 13, 15], "absorption": [0.044, 0.096, 0.56], "phase": 0.3}})
 
 
 def haze(folder: Path, _quick: bool = False) -> Setting:
@@ -189,7 +204,8 @@ def haze(folder: Path, _quick: bool = False) -> Setting:
     air = "box([5.98, 2.98, 5.98], center: [0, 1.5, 0], medium: medium(scattering: 0.15, absorption: 0.01))"
     text = f"{kept}\n{walls}\n{air}\ndirectional(from: [2, 1.2, 0.3], irradiance: 40)\n"
     inside = r'(<sensor type="perspective">)(.*?)(<medium type="homogeneous" name="interior">.*?</medium>)'
-    return _setting(folder, "haze", "A hazy room with the sun through a window", text, 66, ((inside, r'\1\n\3\2\3'), _OUTSIDE))
+    setting = _setting(folder, "haze", "A hazy room with the sun through a window", text, 66, ((inside, r'\1\n\3\2\3'), _OUTSIDE))
+    return _with_media(setting, folder, {"box": {"scattering": [0.15] * 3, "absorption": [0.01] * 3, "phase": 0.0}})
 
 
 _OUTSIDE = (r'(<sensor type="perspective">\s*<medium type="homogeneous") name="interior"', r"\1")

@@ -44,7 +44,7 @@ metal and four matt ones under a picture of the sky with a small sun (depth 6), 
 500,000 triangles (depth 6).
 
 Four rooms have media: a slab (depth 130), a ball of thin milk (258), haze with the sun through a window (66), a cloud of 256³ voxels (258).
-Mitsuba's `volpath` draws them.
+Mitsuba's `volpath` draws them, and Cycles the three even ones, with the coefficients as given.
 
 The rooms are examples, written as USD by our exporter and read from there by all (depth 10): patterns are white, and the shapes of lights
 are not seen. Mitsuba has no such lamps, and draws the room by a window alone. Cycles reads the stage itself, in a Python of its own with
@@ -127,7 +127,7 @@ def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, 
         sides = [our_renderer(setting.decide), *_available(peers, functools.partial(exported_renderer, setting, folder))]
         if setting.stage is not None:
             sides += _available(peers, functools.partial(cycles_renderer, setting, False))
-            sides += _available(peers, functools.partial(cycles_renderer, setting, True))
+            sides += [] if setting.media else _available(peers, functools.partial(cycles_renderer, setting, True))
         return setting.title, sides, list
     filled, title = None, "Cornell box"
     if name == "knot":
@@ -224,13 +224,13 @@ def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:
         scene = loaded(size)
         return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
 
-    return Renderer("Mitsuba llvm", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3], alike=setting.stage is None)
+    return Renderer("Mitsuba llvm", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3], alike=not setting.staged)
 
 
 def cycles_renderer(setting: path_scenes.Setting, guiding: bool) -> Renderer:
     """Cycles on the stage of a room, with or without path guiding."""
     assert setting.stage is not None
-    worker = peer.Cycles(setting.stage)
+    worker = peer.Cycles(setting.stage, setting.media)
 
     def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
         return lambda: peer.read(worker.draw(size, samples, seed, setting.depth - 2, guiding))

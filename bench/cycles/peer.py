@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,18 +19,18 @@ from .. import harness
 from .worker import ANSWER
 
 PYTHON = "MAQUETTE_BLENDER_PYTHON"  # environment variable: a Python that has bpy
-INSTALL = f"pip install bpy==5.0.0 in an environment of Python 3.11, whose python {PYTHON} names"
+INSTALL = f"pip install bpy==5.0.1 in an environment of Python 3.11, whose python {PYTHON} names"
 
 
 class Cycles:
     """Cycles with one stage open."""
 
-    def __init__(self, stage: Path) -> None:
-        """Raises Missing without a Python that has bpy."""
+    def __init__(self, stage: Path, media: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+        """`media`: those of the stage's objects by name. Raises Missing without a Python that has bpy."""
         python = os.environ.get(PYTHON, "")
         if not python:
             raise harness.Missing(f"Cycles is not installed ({INSTALL})")
-        command = [python, str(Path(__file__).with_name("worker.py")), str(stage)]
+        command = [python, str(Path(__file__).with_name("worker.py")), str(stage), json.dumps(dict(media or {}))]
         try:
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         except OSError as why:

@@ -1,5 +1,7 @@
 """Renders a USD stage by Cycles on one thread, in a Python with bpy: a request a line in, an answer a line out, both JSON.
 
+Arguments: the stage, and the media of its objects as JSON, {object: {scattering: [3], absorption: [3], phase: g}}, per metre.
+
 A request has the width and height `size`, `samples`, `seed`, `bounces`, `guiding` and the EXR file `out`. An answer has the CPU seconds
 of the process so far. Answers begin with ANSWER, as Blender writes lines of its own.
 """
@@ -38,6 +40,27 @@ def open_stage(path: str) -> Any:
     return scene
 
 
+def fill(scene: Any, media: dict[str, dict[str, Any]]) -> None:
+    """Replace the materials of objects by media without a surface. Lights of such scenes are seen."""
+    import bpy  # pyright: ignore[reportMissingImports]
+
+    for light in (thing for thing in scene.objects if media and thing.type == "LIGHT"):
+        light.visible_camera = True
+    for name, medium in media.items():
+        material = bpy.data.materials.new(name)
+        material.use_nodes = True
+        tree = material.node_tree
+        tree.nodes.clear()
+        volume = tree.nodes.new("ShaderNodeVolumeCoefficients")
+        volume.inputs["Absorption Coefficients"].default_value = medium["absorption"]
+        volume.inputs["Scatter Coefficients"].default_value = medium["scattering"]
+        volume.inputs["Anisotropy"].default_value = medium["phase"]
+        tree.links.new(volume.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Volume"])
+        mesh = scene.objects[name].data
+        mesh.materials.clear()
+        mesh.materials.append(material)
+
+
 def draw(scene: Any, request: dict[str, Any]) -> None:
     """Write one picture."""
     import bpy  # pyright: ignore[reportMissingImports]
@@ -46,7 +69,7 @@ def draw(scene: Any, request: dict[str, Any]) -> None:
     scene.render.resolution_x = scene.render.resolution_y = request["size"]
     scene.render.filepath = request["out"]
     settings.samples, settings.seed, settings.use_guiding = request["samples"], request["seed"], request["guiding"]
-    for name in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
+    for name in ("max", "diffuse", "glossy", "transmission", "volume", "transparent_max"):
         setattr(settings, f"{name}_bounces", request["bounces"])
     bpy.ops.render.render(write_still=True)
 
@@ -54,6 +77,7 @@ def draw(scene: Any, request: dict[str, Any]) -> None:
 def main() -> None:
     """Answer requests until the end of the input."""
     scene = open_stage(sys.argv[1])
+    fill(scene, json.loads(sys.argv[2]))
     print(ANSWER + json.dumps({"cpu": time.process_time()}), flush=True)
     for line in sys.stdin:
         draw(scene, json.loads(line))

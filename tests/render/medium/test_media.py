@@ -195,6 +195,35 @@ def test_a_half_space_reflects_as_light_that_walks(tmp_path: Path, albedo: float
     text += f"box(size: 1000, center: [0, -500, 0], medium: medium(scattering: {albedo}, absorption: {1 - albedo}, phase: {g}))\n"
     assert seen(tmp_path, text, samples=4096)[0] == pytest.approx(walked_albedo(albedo, g, 1.0), abs=0.012)
 
+def fluence(albedo: float, r: np.ndarray) -> np.ndarray:
+    """The fluence at optical distance r of a point source of unit power in an endless medium of even scattering (Case and Zweifel 1967).
+
+    Its part far from the source is exp(-κ r) / r with κ = ϖ artanh κ, where diffusion theory has κ² = 3 (1 - ϖ).
+    """
+    low, high = 1e-6, 1.0 - 1e-12  # ϖ artanh κ is below κ at `low`, above it at `high`
+    for _ in range(100):
+        kappa = 0.5 * (low + high)
+        low, high = (kappa, high) if albedo * math.atanh(kappa) < kappa else (low, kappa)
+    far = 2 * kappa**2 / (albedo**2 * (1 / (1 - kappa**2) - 1 / albedo)) * np.exp(-kappa * r)
+    decays = 1 + np.geomspace(1e-8, 40, 2000)
+    spectrum = 1 / ((1 - albedo / decays * np.arctanh(1 / decays)) ** 2 + (albedo * math.pi / (2 * decays)) ** 2)
+    near = np.trapezoid(spectrum * np.exp(-decays * r[..., None]), decays, axis=-1)
+    return (far + near) / (4 * math.pi * r)
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.9])
+@pytest.mark.parametrize("r", [2.0, 4.0])
+def test_light_far_from_a_point_decays_as_transport_says(tmp_path: Path, albedo: float, r: float) -> None:
+    """Seen from within the medium, across the direction of the light. Samples near the point are few and bright: 16 means spread by 3 %."""
+    text = f"""
+    sphere(40, medium: medium(scattering: {albedo}, absorption: {1 - albedo:g}))
+    point([0, 0, 0], intensity: {1 / (4 * math.pi)})
+    camera(position: [{r}, 0, 0], look_at: [{r}, 1, 0], fov: 0.2deg)
+    """
+    t = np.linspace(0, 25, 2000)
+    expected = albedo / (4 * math.pi) * np.trapezoid(fluence(albedo, np.hypot(r, t)) * np.exp(-t), t)
+    assert seen(tmp_path, text, samples=16384)[0] == pytest.approx(expected, rel=0.08)
+
 
 def test_both_backends_draw_the_same_media(tmp_path: Path) -> None:
     """A medium by a formula in fog, a glass of milk, and a body beside a lamp, with the same random numbers."""

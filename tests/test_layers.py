@@ -65,7 +65,7 @@ MAY_IMPORT = {
     "render.texture": "render.formula",
     "render.medium": "render.texture",
     "render.surface": "compiler.plan render.camera render.texture",
-    "render.light": "render.image render.surface",
+    "render.light": "render.image render.surface render.medium",
     "render.material": "render.light render.medium",
     "render.accel.bvh_build": "render.formula",
     "render.accel.traverse": "render.surface render.accel.bvh_build",

@@ -43,6 +43,7 @@ _NO_INVERSE = {
     False: ("the transform of this has numbers that are not finite", ""),
 }
 _BOUNDS, _VALUES = ir.Geometries._fields.index("bounds"), ir.Materials._fields.index("values")  # columns
+_GLOW = ir.Media._fields.index("emission")
 _CHUNK = 1 << 16  # copies that are added at once: their temporaries stay small
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
@@ -383,7 +384,9 @@ class SceneBuilder:
         return np.stack([np.min(extents, axis=0)[0], np.max(extents, axis=0)[1]]) if extents else None
 
     def shines(self) -> bool:
-        """Whether some instance's material emits light."""
+        """Whether some instance's material, or some medium, emits light."""
+        if any(any(row[_GLOW]) for row in self._rows["media"]):
+            return True
         emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[_VALUES][ir.Slot.EMISSION])}
         return bool(np.isin(self._instances.table()[:, MATERIAL], list(emitting)).any())
 

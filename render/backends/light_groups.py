@@ -150,12 +150,14 @@ class Renderer:
 
 
 def groups_of(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
-    """The names of a scene's light groups, sorted; channels.REST holds lights, emissive shapes and a background without a name."""
+    """The names of a scene's light groups, sorted; channels.REST holds lights without a name, emissive shapes, media and a background."""
     tables = scene.tables
     groups = scene.names.groups or ("",) * len(tables.lights.kind)
     shining = tables.lights.color.max(axis=1, initial=0.0) > 0.0
     named = {group or channels.REST for group, lit in zip(groups, shining.tolist(), strict=True) if lit}
     alone = tables.instances.material[tables.instances.light < 0]
+    if tables.media.emission.max(initial=0.0) > 0.0:
+        named.add(channels.REST)
     if tables.materials.values[alone, ir.Slot.EMISSION].max(initial=0.0) > 0.0 or not isinstance(plan["background"], str):
         named.add(channels.REST)
     return tuple(sorted(named))
@@ -170,8 +172,9 @@ def isolate_groups(scene: ir.Scene, plan: Plan, names: set[str]) -> tuple[ir.Sce
     light = tables.instances.light
     dark = np.where(light >= 0, np.append(off, False)[light], channels.REST not in names)
     materials, material = _without_emission(tables, np.flatnonzero(dark))
+    glow = tables.media.emission * float(channels.REST in names)
     lit = tables._replace(
-        lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
+        media=tables.media._replace(emission=glow), lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
         instances=ir.table_of("instances", {**tables.instances._asdict(), "material": material}),
     )  # fmt: skip
     if channels.REST not in names and not isinstance(plan["background"], str):

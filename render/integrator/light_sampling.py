@@ -12,11 +12,12 @@ from ..light.emitters import Arriving
 from ..light.form_samples import SKY
 from ..material import bsdf, medium_stack
 from ..material.shader import Shader
+from ..medium import emitting_cells
 from ..surface import interaction, normal_map
 from ..types import Lane, Surface, Tables, Vec
 from . import flights
 from .path_emission import mis_weight
-from .path_state import LIGHTS_ALONE, Connection, PathInputs, PathSample, PathState, numbers
+from .path_state import LIGHTS_ALONE, Connection, PathInputs, PathSample, PathState, medium_number, numbers
 from .photon_coverage import exclude_covered_lobe, photon_covers_mirror
 from .records import ShadingContext
 
@@ -35,6 +36,37 @@ def _on_mirror(inputs: PathInputs, row: Any, path: PathState, shader: Shader) ->
     return photon_covers_mirror(inputs.photon_emitters, row, path, shader)
 
 
+@helper
+def _in_medium(
+    media: Any, plain: Arriving, inputs: PathInputs, row: Lane, place: Vec, numbers_: tuple[Lane, Lane], index: PathSample
+) -> Arriving:  # fmt: skip
+    """`plain`, or a direction to a point of a medium that emits: the ray in it collects the light of all its line."""
+    u, v = numbers_
+    rows = ops.int_like(u, 0) + row
+    here = (ops.int_like(u, 0) + inputs.emitters.kind[rows]) == emitting_cells.KIND
+    if ops.not_(ops.any_lane(here)):
+        return plain
+    direction, density = emitting_cells.sample(media, ops.where(here, rows, media.first), place, u, v, medium_number(index))
+    one = ops.where(density > lights.TINY, 1.0 / ops.maximum(density, lights.TINY), 0.0)
+    unit = 0.0 * u + 1.0
+    return Arriving(
+        ops.where3(here, direction, plain.direction), ops.where(here, unit, plain.distance), ops.where3(here, (one, one, one), plain.light),
+        ops.where(here, density, plain.density), ops.where(here, unit, plain.cosine),
+    )  # fmt: skip
+
+
+@helper
+def _mark_collecting(media: Any, plain: Lane, inputs: PathInputs, row: Lane) -> Lane:
+    """The distance of shadow rays, or the code of those that collect the light of a medium."""
+    rows = ops.int_like(plain, 0) + row
+    here = (ops.int_like(plain, 0) + inputs.emitters.kind[rows]) == emitting_cells.KIND
+    if ops.not_(ops.any_lane(here)):
+        return plain
+    number = ops.int_like(plain, 0) + media.number[ops.where(here, rows - media.first, 0)]
+    return ops.where(here, emitting_cells.code(number), plain)
+
+
+_sample_media, _mark = specialize_if_present(_in_medium), specialize_if_present(_mark_collecting)
 _sample_each, _choose = noinline_helper(emitters.sample), noinline_helper(light_tree.choose)
 
 
@@ -50,6 +82,7 @@ def _choose_emitter(
     zero = ops.full_like(point.offset, 0.0)
     if len(table.kind) == 1:
         arriving = emitters.sample(tables, table, 0, place, u, v)
+        arriving = _sample_media(table.media, arriving, inputs, 0, place, (u, v), index)
         is_lamp = table.light[0] >= 0
         here = (
             here
@@ -61,6 +94,7 @@ def _choose_emitter(
         return 0, zero + 1.0, arriving, here, weighed, shadows
     row, chance = _choose(table.tree, place, facing(inputs, point, shader, shading.event), numbers(index, 2)[0])
     arriving = _sample_each(tables, table, row, place, u, v)
+    arriving = _sample_media(table.media, arriving, inputs, row, place, (u, v), index)
     lamp = table.light[row] >= 0
     here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
     here = here & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, row, path, shader), row, arriving.direction))
@@ -125,4 +159,5 @@ def sample_direct(
     short = 64.0 * ops.roundoff(zero) * ops.where(arriving.distance < math.inf, arriving.distance, 0.0) + 2.0 * point.offset
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
     distance = ops.where(shadows, reach, flights.untested(shading.event, ops.full_like(reach, -1.0), reach))
+    distance = _mark(inputs.emitters.media, distance, inputs, row)
     return Connection(origin, arriving.direction, distance, radiance, wanted, share, blockers, flights.carried(shading.event, None, inside))

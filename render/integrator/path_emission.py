@@ -8,9 +8,11 @@ from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
 from ..light import emitters, environment_map, light_tree, lights, links
 from ..light.emitter_table import Emitters
+from ..material import medium_stack
 from ..material.shader import ONLY, Shader
+from ..medium import emitting_cells
 from ..types import Hit, Lane, Options, Surface, Tables, Vec
-from . import background
+from . import background, flights
 from .path_state import BALANCE, LIT, SURFACES_ALONE, PathInputs, PathState
 from .photon_coverage import photon_covers_emission, photon_covers_sky
 
@@ -144,3 +146,28 @@ def mis_weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
     if weighing == BALANCE:
         return 1.0 / (1.0 + other / one)
     return ops.full_like(one, 1.0 if weighing == alone else 0.0)
+
+
+@helper
+def _weigh_glow(
+    media: Any, flown: flights.Flown, tables: Tables, inputs: PathInputs, path: PathState, beyond: bool
+) -> flights.Flown:  # fmt: skip
+    """Flights whose light of media is weighed against light samples; `beyond` the last bounce there were none from the last vertex."""
+    number = medium_stack.top(path.inside)
+    zero = 0.0 * path.density
+    row = ops.int_like(zero, 0) + media.row[number]
+    counts = (ops.largest(flown.emitted) > 0.0) & (row >= 0) & (path.density < ONLY)
+    if beyond:
+        counts = counts & (path.near > 0.0)
+    if ops.not_(ops.any_lane(counts)):
+        return flown
+    row = ops.where(counts, row, media.first)
+    density = emitting_cells.density(media, row, path.origin, path.direction)
+    if len(inputs.emitters.kind) > 1:
+        density = density * light_tree.chance(inputs.emitters.tree, row, path.origin, path.facing)
+    share = ops.where(path.density <= LIT * 8.0, 0.0, mis_weight(path.density, density, inputs.weighing, SURFACES_ALONE))
+    return flights.Flown(flown.weight, flown.scattered, flown.t, ops.where3(counts, ops.scale(flown.emitted, share), flown.emitted))
+
+
+weigh_glow = specialize_if_present(_weigh_glow)
+"""(emitting cells, flown, tables, inputs, path, whether it is beyond the last bounce) → the flights, weighed."""

@@ -14,13 +14,13 @@ from ..lanes import ops
 from ..light import light_tree, links
 from ..material import medium_stack
 from ..material.shader import ONLY
-from ..medium import free_flight, tracking
+from ..medium import emitting_cells, free_flight, tracking
 from ..surface import alpha as surface_alpha
 from ..surface import interaction
 from ..types import Hit, Options, Ray, Vec
-from . import flights
+from . import flights, wave_media
 from .path import shade_vertex
-from .path_emission import environment_radiance
+from .path_emission import environment_radiance, weigh_glow
 from .path_state import CAMERA_RAY, OTHER_RAY, PathInputs, PathSample, PathState, alpha_number
 
 
@@ -57,6 +57,7 @@ def radiance(
         if missed.any():
             behind, less = environment_radiance(tables, inputs, options, path, missed, depth)
             total, alpha = ops.add(total, behind), alpha - less
+        flown = weigh_glow(inputs.emitters.media, flown, tables, inputs, path, depth > options.bounces)
         if flown is not None:
             total = ops.where3(active, ops.add(total, flown.emitted), total)
         if depth > options.bounces + 1 or not flights.any_vertex(flown, surfaces).any():
@@ -71,7 +72,7 @@ def radiance(
             shadow = Ray(connection.origin, connection.direction, zero, zero + connection.distance, ray.time)
             radiance = ops.scale(connection.light, _unblocked(options.links, accel, tables, shadow, blocking, connection.blockers))
             if media is not None:
-                radiance = ops.mul(radiance, _through_media(media, accel, tables, shadow, connection, index))
+                radiance = ops.mul(radiance, _through_media(media, inputs, accel, tables, shadow, connection, index))
             total = ops.where3(connection.wanted, ops.add(total, radiance), total)
         if not active.any():
             break
@@ -82,25 +83,41 @@ def radiance(
     return ops.where3(sound, total, (zero, zero, zero)), alpha, sound
 
 
-def _through_media(media: Any, accel: Any, tables: ir.Tables, shadow: Ray, connection: Any, index: PathSample) -> Vec:
-    """The share of light in red, green and blue that passes the media along shadow rays; see wave_media.py."""
+def _through_media(
+    media: Any, inputs: PathInputs, accel: Any, tables: ir.Tables, shadow: Ray, connection: Any, index: PathSample
+) -> Vec:  # fmt: skip
+    """The share of light in red, green and blue that passes the media along shadow rays, or the light that they collect in one medium.
+
+    See wave_media.py.
+    """
+    cells = inputs.emitters.media
+    collects = wave_media.collecting(cells, np.zeros(np.shape(connection.distance), bool), np.abs(connection.distance))
+    wanted = emitting_cells.collected(np.abs(connection.distance)) if np.any(collects) else 0
+    met, total = media.walled[0] | emitting_cells.exist(cells, False), np.zeros((3, *np.shape(connection.distance)))
     distance = np.abs(connection.distance)
     going, inside = connection.wanted, connection.inside
     near, passed, segment = np.zeros(np.shape(distance)), np.ones((3, *np.shape(distance))), 0
     while going.any():
         ray = Ray(shadow.origin, shadow.direction, near, np.where(going, distance, 0.0), shadow.time)
-        hit = intersect.closest_hit(accel, tables, ray, going & media.walled[0], OTHER_RAY)
+        hit = intersect.closest_hit(accel, tables, ray, going & met, OTHER_RAY)
         hits = going & (hit.instance >= 0) & (hit.t < distance)
         far = np.maximum(np.where(hits, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
         key = tracking.Key(index.pixel, index.sample, tracking.depth_of_segment(index.depth, segment), index.seed, 1)
         white = tuple(np.ones(np.shape(distance)) for _ in range(3))
-        share = free_flight.transmit(media, white, tables, number, ray.origin, ray.direction, near, far, key)
+        share = free_flight.transmit(media, white, tables, np.where(collects, 0, number), ray.origin, ray.direction, near, far, key)
+        if np.any(collects):
+            way = ray.origin, ray.direction, near, far
+            of_medium, emitted = wave_media.pass_and_collect(media, tables, np.where(collects, number, 0), way, key)
+            total += np.where(collects & going & (number == wanted), passed * np.array(emitted), 0.0)
+            share = ops.where3(collects, of_medium, share)
         passed = np.where(number > 0, passed * np.array(share), passed)
         point = interaction.make_interaction(tables, ray, hit)
         inside = np.where(hits, medium_stack.cross_boundary(inside, None, tables, point, ray.direction), inside)
-        near, going, segment = np.where(hits, flights.behind(point, ray.direction, hit.t), near), hits, segment + 1
-    return passed[0], passed[1], passed[2]
+        near, segment = np.where(hits, flights.behind(point, ray.direction, hit.t), near), segment + 1
+        going = hits & ~(collects & ~media.clear[point.material])
+    light = np.where(collects, total, passed)
+    return light[0], light[1], light[2]
 
 
 def _pass_all(accel: Any, tables: ir.Tables, shadow: Ray, blocking: Any, blockers: Any) -> Any:

@@ -135,6 +135,12 @@ def photon_number(index: PathSample) -> Lane:
 
 
 @helper
+def medium_number(index: PathSample) -> Lane:
+    """Return the random number that places a light sample in a medium, beside a pair of `numbers`."""
+    return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + 1021), index.seed)[0]
+
+
+@helper
 def lobe_number(index: PathSample) -> Lane:
     """Return the random number that chooses the lobe or the base of a surface, see photon_coverage.split_lobe."""
     return sobol.hashed_pair(index.pixel, index.sample, ops.int_like(index.pixel, LAYERS + index.depth * 1024 + 1023), index.seed)[0]

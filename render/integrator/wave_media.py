@@ -11,12 +11,14 @@ from ..jit.kernel import helper, noinline_helper, specialize_either, specialize_
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, compress_store, compress_store3, load3, scatter_add, store3
 from ..material import medium_stack
-from ..medium import free_flight, tracking
+from ..medium import emitting_cells, free_flight, tracking
 from ..sampling import sobol
-from ..types import Lane
+from ..types import Lane, Tables, Vec
 from . import flights, path_reuse
 from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_memory import STATE
+
+COLLECTING = 4096  # depths from which the rays that collect light have random numbers
 
 
 @helper
@@ -83,11 +85,12 @@ Uses the rows of `source`, whose rays have been shaded."""
 @noinline_helper
 def _pass_media(accel, scene, frame, memory, source, n, depth):
     table = medium_stack.scattering(scene.tables)
+    collecting = emitting_cells.exist(scene.light.emitters.media, False)
     count = _queue_rays(frame, memory, source, n)
     segment = 0
     while count > 0:
-        if table.walled[0]:
-            intersect_stage(accel, scene, frame, memory, source, count, 1)
+        if table.walled[0] or collecting:
+            intersect_stage(accel, scene, frame, memory, source, count, COLLECTING + depth if collecting else 1)
         count = _pass_segment(table, scene, frame, memory, source, count, tracking.depth_of_segment(depth, segment))
         segment += 1
 
@@ -116,9 +119,46 @@ def _queue_rays(frame: Any, memory: Any, source: int, n: int) -> int:
 
 
 @helper
+def _is_collecting(media: Any, plain: Lane, distance: Lane) -> Lane:
+    return emitting_cells.collected(distance) > 0
+
+
+@helper
+def _add_collected(media: Any, plain: Vec, table: Any, tables: Tables, memory: Any, rays: Any, ray: Any, key: tracking.Key) -> Vec:
+    """Add the light of one medium on a segment of rays that collect it; return the share of light that passes, `plain` for others."""
+    number, distance, light, slot = rays
+    wanted = emitting_cells.collected(distance)
+    collects = wanted > 0
+    if ops.not_(ops.any_lane(collects & (number > 0))):
+        return plain
+    passed, emitted = pass_and_collect(table, tables, ops.where(collects, number, 0), ray, key)
+    lit = collects & (number == wanted) & (ops.largest(emitted) > 0.0)
+    if ops.any_lane(lit):
+        scatter_add(memory.light, ops.where(lit, slot, 0), ops.mul(light, emitted), lit)
+    return ops.where3(collects, passed, plain)
+
+
+@helper
+def pass_and_collect(table: Any, tables: Tables, number: Lane, ray: Any, key: tracking.Key) -> tuple[Vec, Vec]:
+    """(share of light that passes a segment of a ray, radiance that its medium adds); nothing scatters."""
+    origin, direction, near, far = ray
+    zero = 0.0 * near
+    black, white = (zero, zero, zero), (zero + 1.0, zero + 1.0, zero + 1.0)
+    none = tracking.Flight(ops.bool_like(zero, False), far, white, black)
+    flight = free_flight.fly(table, none, tables, number, origin, direction, near, far, black, key)
+    return flight.factor, flight.emitted
+
+
+collecting = specialize_if_present(_is_collecting)  # (emitting cells, no lane, distance): whether rays collect the light of a medium
+_collect = specialize_if_present(_add_collected)
+
+
+@helper
 def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, n: int, key: int) -> int:
     """Take n rays to their next boundary, or to their end, where they add their light; return the number of those that go on."""
     tables, base, kept = scene.tables, source * STATE * ROW, 0
+    media = scene.light.emitters.media
+    met = table.walled[0] or emitting_cells.exist(media, False)
     like = simd.load(memory.state, 0)
     for i in range(0, n, crosslane.width(like)):
         active = simd.first_lanes(n - i, like)
@@ -127,17 +167,20 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
         inside = simd.load(memory.inside, source * ROW + i)
         hit, piece, hits = load_hits(memory, i, active)
-        hits = hits & ops.bool_like(like, table.walled[0])
+        hits = hits & ops.bool_like(like, met)
         t = ops.where(hits, hit.t, np.inf)
         hits = hits & (t < distance)
         far = ops.maximum(ops.minimum(t, distance), near)
         number = ops.where(active, medium_stack.top(inside), 0)
         white = (0.0 * like + 1.0, 0.0 * like + 1.0, 0.0 * like + 1.0)
+        collects = collecting(media, ops.bool_like(like, False), distance)
         if ops.any_lane(number > 0):
             of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1)
-            passed = free_flight.transmit(table, white, tables, number, origin, direction, near, far, of_ray)
+            ray = origin, direction, near, far
+            passed = free_flight.transmit(table, white, tables, ops.where(collects, 0, number), origin, direction, near, far, of_ray)
+            passed = _collect(media, passed, table, tables, memory, (number, distance, light, slot), ray, of_ray)
             light = ops.where3(number > 0, ops.mul(light, passed), light)
-        ends = active & ops.not_(hits)
+        ends = active & ops.not_(hits | collects)
         if ops.any_lane(ends):
             scatter_add(memory.light, ops.where(ends, slot, 0), light, ends)
         going = hits & (ops.largest(light) > 0.0)
@@ -146,6 +189,7 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         time = sobol.sample_time(pixel, sample, frame.options.seed, frame.shutter)
         point, hit = surface_at(tables, scene.primitives.records, origin, direction, hit, piece, hits, time)
         inside = medium_stack.cross_boundary(inside, None, tables, point, direction)
+        going = going & ops.not_(collects & ops.not_(table.clear[point.material]))
         compress_store3(memory.state, base + kept, origin, going)
         compress_store3(memory.state, base + 3 * ROW + kept, direction, going)
         compress_store3(memory.state, base + 6 * ROW + kept, light, going)

@@ -24,7 +24,7 @@ from ..simd.registration import overload
 from ..types import Lane, Ray
 from . import flights, path_reuse, photon_map
 from .path import shade_vertex
-from .path_emission import environment_radiance
+from .path_emission import environment_radiance, weigh_glow
 from .path_state import Connection, PathSample, PathState
 from .ray_queue import as_searched, attenuate_between, enters, for_search, from_search, pad, queue_up
 from .wave_intersection import intersect_stage, load_hits, surface_at
@@ -239,6 +239,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
         surfaces = flights.without_scattered(flown, surfaces)
         if ops.any_lane(missed):
             _add_environment(tables, light, options, memory, path, missed, slot, i, depth)
+        flown = weigh_glow(light.emitters.media, flown, tables, light, path, depth > options.bounces)
         add_glow(flown, None, memory, slot, active, depth)
         if ops.not_(ops.any_lane(flights.any_vertex(flown, surfaces))):
             continue

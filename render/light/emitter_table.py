@@ -1,4 +1,4 @@
-"""Emitter table: one row for each light, emissive shape and triangle of an emissive mesh."""
+"""Emitter table: one row for each light, emissive shape, triangle of an emissive mesh, and medium that emits."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ...materials import traits
 from ...shapes import SHAPES
 from ...shapes.contract import Emitting
 from ..lanes import ops
+from ..medium import emitting_cells
 from . import emitter_points, environment_map, light_tree, round_emitters, shape_solid_angle
 from .form_samples import DISK, DISTANT, POINT, RECTANGLE, SKY, SPHERE, TRIANGLE
 from .round_emitters import CAPSULE, CONE, ELLIPSOID, TORUS, TUBE
@@ -52,6 +53,7 @@ class Emitters(NamedTuple):
     tree: light_tree.Tree  # for light selection
     sky: Any  # environment_map.SkyMap or Even
     wide: shape_solid_angle.Wide  # shapes that are sampled by solid angle, beside rectangles and balls
+    media: Any = emitting_cells.NoCells()  # or emitting_cells.Cells of media that emit, whose rows come last
 
 
 def build(
@@ -94,7 +96,13 @@ def build(
         if made:
             first[i], parts[i] = len(rows), made[0].pop("part")
             rows.extend({name: value for name, value in row.items() if name != "part"} for row in made)
-    return _table(tables, rows, first, parts, sky, general)
+    media, shining = emitting_cells.build(tables, len(rows), moves, general)
+    for medium in shining:
+        rows.append(
+            _row(kind=emitting_cells.KIND, place=0.5 * (medium.low + medium.high), side_u=0.5 * (medium.high - medium.low),
+                 color=medium.intensity, both=True, weighed=True)
+        )  # fmt: skip
+    return _table(tables, rows, first, parts, sky, general)._replace(media=media)
 
 
 def _row(**values: Any) -> dict[str, Any]:

@@ -87,7 +87,7 @@ def depth_of_segment(depth: int, segment: int) -> int:
 
 
 @helper
-def _walk(fields: Any, number: Lane, ray: Any) -> Walk:
+def enter_grid(fields: Any, number: Lane, ray: Any) -> Walk:
     origin, direction, near, far = ray
     zero = 0.0 * near
     a, b, c, d, e, f, g, h = row_gather.eight_at(fields.to_cells, number, 0)
@@ -119,7 +119,7 @@ def _axis_cell(origin: Lane, direction: Lane, side: Lane, t: Lane) -> tuple[Lane
 
 
 @helper
-def _cell(fields: Any, walk: Walk, t: Lane) -> tuple[Lane, Lane]:
+def cell_at(fields: Any, walk: Walk, t: Lane) -> tuple[Lane, Lane]:
     """(majorant of the cell at a distance, distance at which the ray leaves the cell)."""
     x, out_x = _axis_cell(walk.origin[0], walk.direction[0], walk.sides[0], t)
     y, out_y = _axis_cell(walk.origin[1], walk.direction[1], walk.sides[1], t)
@@ -130,24 +130,24 @@ def _cell(fields: Any, walk: Walk, t: Lane) -> tuple[Lane, Lane]:
 
 
 @helper
-def _transform(matrix: Any, number: Lane, p: Vec) -> Vec:
+def transform(matrix: Any, number: Lane, p: Vec) -> Vec:
     a, b, c, d, e, f, g, h = row_gather.eight_at(matrix, number, 0)
     z = matrix[number, 8] * p[0] + matrix[number, 9] * p[1] + matrix[number, 10] * p[2] + matrix[number, 11]
     return ops.dot((a, b, c), p) + d, ops.dot((e, f, g), p) + h, z
 
 
 @helper
-def _density(tables: Tables, fields: Any, number: Lane, ray: Any, t: Lane) -> Lane:
+def density_at(tables: Tables, fields: Any, number: Lane, ray: Any, t: Lane) -> Lane:
     """The density at a distance along rays."""
     p = ops.along(ray[0], ray[1], t)
     of_voxels = fields.sizes[number, 0] > 0
     density = 0.0 * t
     if ops.any_lane(ops.not_(of_voxels)):
-        local = _transform(fields.to_local, number, p)
+        local = transform(fields.to_local, number, p)
         row = ops.where(of_voxels, 0, fields.density[number])
         density = ops.where(of_voxels, density, procedural.evaluate(tables, ops.maximum(row, 0), local)[0])
     if ops.any_lane(of_voxels):
-        density = ops.where(of_voxels, _interpolate(fields, number, _transform(fields.to_voxels, number, p)), density)
+        density = ops.where(of_voxels, _interpolate(fields, number, transform(fields.to_voxels, number, p)), density)
     return ops.maximum(density, 0.0)
 
 
@@ -183,7 +183,7 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
     sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
     back_r, back_g, back_b, _ = row_gather.four_at(table.scattering, number)
     glow_r, glow_g, glow_b, _ = row_gather.four_at(table.emission, number)
-    walk = _walk(fields, number, ray)
+    walk = enter_grid(fields, number, ray)
     zero = 0.0 * walk.begin
     factor, emitted = (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero)
     scattered, t = ops.bool_like(zero, False), walk.begin
@@ -191,7 +191,7 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
     u, v = numbers(key, 0)
     exponent, step = -ops.log(1.0 - u), 1
     while ops.any_lane(going):
-        most, leaves = _cell(fields, walk, ops.where(going, t, 0.0))
+        most, leaves = cell_at(fields, walk, ops.where(going, t, 0.0))
         bound = most * ops.maximum(sigma, 1e-30)
         leaves = ops.minimum(leaves, walk.end)
         depth = bound * (leaves - t)
@@ -199,7 +199,7 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
         exponent = ops.where(going & ops.not_(collides), exponent - depth, exponent)
         t = ops.where(going, ops.where(collides, t + exponent / ops.maximum(bound, 1e-30), leaves), t)
         if ops.any_lane(collides):
-            density = _density(tables, fields, number, ray, ops.where(collides, t, 0.0))
+            density = density_at(tables, fields, number, ray, ops.where(collides, t, 0.0))
             share = ops.where(collides, density / ops.maximum(bound, 1e-30), 0.0)
             real = (back_r * share, back_g * share, back_b * share)
             null = (
@@ -232,14 +232,14 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
     if ops.not_(ops.any_lane(inside)):
         return plain
     sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
-    walk = _walk(fields, number, ray)
+    walk = enter_grid(fields, number, ray)
     zero = 0.0 * walk.begin
     factor, t = (zero + 1.0, zero + 1.0, zero + 1.0), walk.begin
     going = inside & (walk.begin < walk.end)
     u, v = numbers(key, 0)
     exponent, step = -ops.log(1.0 - u), 1
     while ops.any_lane(going):
-        most, leaves = _cell(fields, walk, ops.where(going, t, 0.0))
+        most, leaves = cell_at(fields, walk, ops.where(going, t, 0.0))
         bound = most * ops.maximum(sigma, 1e-30)
         leaves = ops.minimum(leaves, walk.end)
         depth = bound * (leaves - t)
@@ -247,7 +247,7 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
         exponent = ops.where(going & ops.not_(collides), exponent - depth, exponent)
         t = ops.where(going, ops.where(collides, t + exponent / ops.maximum(bound, 1e-30), leaves), t)
         if ops.any_lane(collides):
-            density = _density(tables, fields, number, ray, ops.where(collides, t, 0.0))
+            density = density_at(tables, fields, number, ray, ops.where(collides, t, 0.0))
             share = ops.where(collides, density / ops.maximum(bound, 1e-30), 0.0)
             null = (
                 ops.maximum(1.0 - sigma_r * share, 0.0), ops.maximum(1.0 - sigma_g * share, 0.0), ops.maximum(1.0 - sigma_b * share, 0.0),
@@ -271,7 +271,7 @@ def march(fields: Any, tables: Tables, number: Lane, ray: Any, rate: Vec, steps:
 
     `rate` is the scattering per metre of density 1 in red, green and blue. Each medium has a density.
     """
-    walk = _walk(fields, number, ray)
+    walk = enter_grid(fields, number, ray)
     zero = 0.0 * walk.origin[0]
     length = ops.where(walk.end > walk.begin, walk.end - walk.begin, zero)
     step = length / steps
@@ -279,7 +279,7 @@ def march(fields: Any, tables: Tables, number: Lane, ray: Any, rate: Vec, steps:
     total, first, before = zero, (zero, zero, zero), (zero + 1.0, zero + 1.0, zero + 1.0)
     for k in range(steps):
         t = start + (k + 0.5) * step
-        total = total + step * _density(tables, fields, number, ray, t)
+        total = total + step * density_at(tables, fields, number, ray, t)
         after = (ops.exp(-ops.minimum(rate[0] * total, 80.0)), ops.exp(-ops.minimum(rate[1] * total, 80.0)),
                  ops.exp(-ops.minimum(rate[2] * total, 80.0)))  # fmt: skip
         first = ops.add(first, ops.scale(ops.sub(before, after), t))

@@ -174,7 +174,9 @@ def isolate_groups(scene: ir.Scene, plan: Plan, names: set[str]) -> tuple[ir.Sce
     materials, material = _without_emission(tables, np.flatnonzero(dark))
     glow = tables.media.emission * float(channels.REST in names)
     lit = tables._replace(
-        media=tables.media._replace(emission=glow), lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}), materials=materials,
+        media=tables.media._replace(emission=glow),
+        lights=ir.table_of("lights", {**tables.lights._asdict(), "color": color}),
+        materials=materials,
         instances=ir.table_of("instances", {**tables.instances._asdict(), "material": material}),
     )  # fmt: skip
     if channels.REST not in names and not isinstance(plan["background"], str):

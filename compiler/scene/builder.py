@@ -42,8 +42,7 @@ _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
     False: ("the transform of this has numbers that are not finite", ""),
 }
-_BOUNDS, _VALUES = ir.Geometries._fields.index("bounds"), ir.Materials._fields.index("values")  # columns
-_GLOW = ir.Media._fields.index("emission")
+_BOUNDS, _VALUES, _GLOW = (ir.Geometries._fields.index("bounds"), ir.Materials._fields.index("values"), ir.Media._fields.index("emission"))
 _CHUNK = 1 << 16  # copies that are added at once: their temporaries stay small
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
@@ -385,10 +384,8 @@ class SceneBuilder:
 
     def shines(self) -> bool:
         """Whether some instance's material, or some medium, emits light."""
-        if any(any(row[_GLOW]) for row in self._rows["media"]):
-            return True
-        emitting = {index for index, row in enumerate(self._rows["materials"]) if any(row[_VALUES][ir.Slot.EMISSION])}
-        return bool(np.isin(self._instances.table()[:, MATERIAL], list(emitting)).any())
+        emitting = [index for index, row in enumerate(self._rows["materials"]) if any(row[_VALUES][ir.Slot.EMISSION])]
+        return bool(np.isin(self._instances.table()[:, MATERIAL], emitting).any()) or any(any(row[_GLOW]) for row in self._rows["media"])
 
     def count(self, table: str) -> int:
         """Number of rows of a table so far."""

@@ -1,45 +1,54 @@
 """Bodies that light enters and leaves diffusely, and scatters in: wax, marble, skin and soap.
 
-The medium inside is found from the colour of the body by albedo inversion: Chiang, Kutz and Burley 2016, Practical and Controllable
-Subsurface Scattering for Production Path Tracing.
+The medium inside is found from the colour of the body by albedo inversion, in `subsurface_inversion`. Where the colour varies, that of the
+point where a path enters counts until it leaves (Cycles likewise).
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
+
+import numpy as np
 
 from ..compiler import ir
 from ..compiler.scene.metallic_roughness import ALL, NOTHING
-from ..compiler.scene.row_records import WHITE, Color, Input, MaterialData, MediumData
+from ..compiler.scene.row_records import WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
 from ..lang.schema.argument_types import Arg, Entry
-from . import diffuse_transmission, losses
+from . import diffuse_transmission, losses, subsurface_inversion
 from .arguments import SURFACE
 from .classic import NO_HIGHLIGHT
 from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 
 MODEL = ir.MaterialModel.SUBSURFACE
+IOR, ROUGHNESS = 1.5, 0.5  # of a highlight, where one of them is given
 
 
 def coefficients(color: Color, radius: Color) -> tuple[Color, Color]:
     """(scattering, absorption) per metre of a body with a diffuse colour and a radius (metres), both by channel."""
-    channels = [_channel(min(max(c, 0.0), 1.0), r) for c, r in zip(color, radius, strict=True)]
-    (sr, ar), (sg, ag), (sb, ab) = channels
-    return (sr, sg, sb), (ar, ag, ab)
+    extinction, scattering = subsurface_inversion.channel(np.array(color), np.array(radius))
+    return as_color(scattering), as_color(extinction - scattering)
 
 
-def _channel(color: float, radius: float) -> tuple[float, float]:
-    """Equations 7 and 8 of the paper: the albedo of single scattering, and the mean free path over the radius."""
-    albedo = 1.0 - math.exp(color * (-5.09406 + color * (2.61188 - color * 4.31805)))
-    extinction = 1.0 / (radius * (1.9 - color + 3.5 * (color - 0.8) ** 2))
-    return albedo * extinction, (1.0 - albedo) * extinction
+def radius(tables: ir.Tables, row: int) -> np.ndarray:
+    """(3,) the radius in metres of a body, without the factor RADIUS of its material: the inverse of `coefficients`."""
+    m, media = tables.materials, tables.media
+    extinction = media.scattering[m.medium[row]] + media.absorption[m.medium[row]]
+    whole = 1.0 / (np.maximum(extinction, 1e-30) * subsurface_inversion.mean_free_path(np.clip(m.values[row, ir.Slot.AMBIENT], 0.0, 1.0)))
+    return whole / m.values[row, ir.Slot.RADIUS, 0]
 
 
 def _lower(arguments: Arguments) -> MaterialData:
-    color = arguments.args["color"]
-    scattering, absorption = coefficients(color, arguments.args["radius"])
+    color, factor = arguments.color("color"), arguments.number("scale")
+    scattering, absorption = coefficients(color.value, scale_color(arguments.args["radius"], factor.value[0]))
     medium = arguments.medium(MediumData(scattering, absorption, priority=arguments.args["priority"]))
-    return MaterialData(MODEL, {ir.Slot.AMBIENT: Input(color), ir.Slot.DIFFUSE_TRANSMISSION: Input(WHITE)}, medium=medium)
+    inputs = {ir.Slot.AMBIENT: color, ir.Slot.DIFFUSE_TRANSMISSION: Input(WHITE), ir.Slot.RADIUS: factor}
+    if {"roughness", "ior"} & {name for name in ("roughness", "ior") if arguments.args[name] is not None}:
+        inputs |= {ir.Slot.IOR: _number(arguments, "ior", IOR), ir.Slot.ROUGHNESS: _number(arguments, "roughness", ROUGHNESS)}
+    return MaterialData(MODEL, inputs, medium=medium)
+
+
+def _number(arguments: Arguments, name: str, default: float) -> Input:
+    return Input.number(default) if arguments.args[name] is None else arguments.number(name)
 
 
 ELEMENTS = (
@@ -49,8 +58,17 @@ ELEMENTS = (
             "material",
             "a body that light enters, scatters in and leaves elsewhere, as wax, marble, skin and soap; for closed shapes",
             (
-                Arg("color", "color", (0.8, 0.8, 0.8), "its colour: the share of the light that leaves a thick body of it"),
+                Arg("color", "color_map", (0.8, 0.8, 0.8), "its colour: the share of the light that leaves a thick body of it"),
                 Arg("radius", "size3", (0.01, 0.01, 0.01), "how far light goes below its surface: red, green, blue", above=0.0),
+                Arg("scale", "number_map", 1.0, "factor of `radius`: a picture or a pattern makes it vary", above=0.0, keyword=True),
+                Arg(
+                    "roughness", "number_map", None, "of its highlight: 0 polished, 1 rough; default with `ior` 0.5, else no highlight",
+                    minimum=0.0, maximum=1.0, keyword=True,
+                ),
+                Arg(
+                    "ior", "number_map", None, "index of refraction of its highlight; default with `roughness` 1.5, else no highlight",
+                    above=0.0, keyword=True,
+                ),
                 Arg("priority", "number", 0.0, "where bodies overlap, the one of the highest priority counts", minimum=0.0, keyword=True),
                 *SURFACE,
             ),
@@ -60,26 +78,32 @@ ELEMENTS = (
     ),
 )
 LOBE = diffuse_transmission
-LOBES, SLOTS = Lobes.CLASSIC, (ir.Slot.AMBIENT, ir.Slot.DIFFUSE_TRANSMISSION)
+LOBES, SLOTS = Lobes.CLASSIC, (ir.Slot.AMBIENT, ir.Slot.DIFFUSE_TRANSMISSION, ir.Slot.RADIUS, ir.Slot.IOR, ir.Slot.ROUGHNESS)
 COLOR, REFLECTANCE, HALF_VECTOR = ir.Slot.AMBIENT, None, False
 facets = None
 
 
 def diffuse_substitute(tables: ir.Tables) -> ir.Tables:
-    """The tables with diffuse surfaces of their colour in place of bodies, for rays that do not scatter in media."""
+    """The tables with surfaces of their colour in place of bodies, for rays that do not scatter in media: diffuse ones, and under a
+    highlight those of `principled`."""
     m = tables.materials
     bodies = m.model == MODEL
     if not bodies.any():
         return tables
-    model, values, medium = m.model.copy(), m.values.copy(), m.medium.copy()
-    model[bodies], medium[bodies] = ir.MaterialModel.LAMBERT, -1
+    shiny = bodies & ((m.values[:, ir.Slot.IOR, 0] != 1.0) | (m.textures[:, ir.Slot.IOR] >= 0))
+    model, values, textures, medium = m.model.copy(), m.values.copy(), m.textures.copy(), m.medium.copy()
+    model[bodies], model[shiny], medium[bodies] = ir.MaterialModel.LAMBERT, ir.MaterialModel.PRINCIPLED, -1
     values[bodies, ir.Slot.DIFFUSE] = values[bodies, ir.Slot.AMBIENT]
+    textures[bodies, ir.Slot.DIFFUSE] = textures[bodies, ir.Slot.AMBIENT]
+    values[shiny, ir.Slot.AMBIENT], textures[shiny, ir.Slot.AMBIENT] = 1.0, -1  # of `principled` its occlusion
     values[bodies, ir.Slot.DIFFUSE_TRANSMISSION] = 0.0
-    return tables._replace(materials=m._replace(model=model, values=values, medium=medium))
+    return tables._replace(materials=m._replace(model=model, values=values, textures=textures, medium=medium))
 
 
 def surface(row: SurfaceRow) -> Exported:
-    return Exported(row.surface(row.input(ir.Slot.AMBIENT), NOTHING, ALL, NO_HIGHLIGHT), body=True)
+    if row.value(ir.Slot.IOR)[0] == 1.0 and row.texture(ir.Slot.IOR) < 0:
+        return Exported(row.surface(row.input(ir.Slot.AMBIENT), NOTHING, ALL, NO_HIGHLIGHT), body=True)
+    return Exported(row.surface(row.input(ir.Slot.AMBIENT), NOTHING, row.input(ir.Slot.ROUGHNESS), row.ior), body=True)
 
 
 def mitsuba(row: MitsubaRow) -> Any:

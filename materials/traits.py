@@ -18,6 +18,7 @@ _LOBES = np.array([material.LOBES.value for material in _ROWS])
 _BY_SLOT = np.array([material.REFLECTANCE is not None for material in _ROWS])
 _ADDED = np.array([material.LOBE is not None for material in _ROWS])
 _THROUGH = np.array([material.LOBE is not None and material.LOBE.THROUGH for material in _ROWS])
+_BODIES = np.array([Slot.RADIUS in material.SLOTS for material in _ROWS])
 _COLORS = np.array([-1 if material.COLOR is None else int(material.COLOR) for material in _ROWS])
 FOCUSING = Lobes.MIRROR | Lobes.GLASS
 PATTERN = 0.8  # albedo of a surface with a texture, relative to its factor
@@ -81,6 +82,16 @@ def participating(tables: ir.Tables) -> np.ndarray:
 def participates(tables: ir.Tables) -> bool:
     """Whether light scatters inside of media of this scene, or passes their invisible boundaries."""
     return bool(tables.media.everywhere.any() or (participating(tables) & used(tables)).any())
+
+
+def coated(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: bodies with a highlight."""
+    return _BODIES[tables.materials.model] & ((tables.materials.values[:, Slot.IOR, 0] != 1.0) | _textured(tables, Slot.IOR))
+
+
+def varying_bodies(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: bodies whose colour, or the radius by which light scatters in them, has a texture; those in use."""
+    return _BODIES[tables.materials.model] & _textured(tables, Slot.AMBIENT, Slot.RADIUS) & (tables.materials.medium >= 0) & used(tables)
 
 
 # --- inputs --------------------------------------------------------------------------------------------------------------
@@ -182,6 +193,12 @@ def lit(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with direct light: diffuse, with a highlight, or rough glass."""
     plain = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE, Slot.SPECULAR)
     return plain | has(tables, Lobes.FACETS | Lobes.PARTS) | rough_glass(tables) | added(tables)
+
+
+def flat_coats(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: bodies whose highlight is somewhere a perfect mirror."""
+    flat = (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
+    return coated(tables) & flat
 
 
 def flat_facets(tables: ir.Tables) -> np.ndarray:

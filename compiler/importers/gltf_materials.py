@@ -122,8 +122,8 @@ class Materials:
     def _scattering_through(self, surface: metallic_roughness.Surface, extensions: dict[str, Any]) -> MaterialData:
         """A surface that passes a share of the diffuse light on, by KHR_materials_diffuse_transmission.
 
-        Without a highlight it is `translucent`, or `subsurface` where all light enters; with one it is blended with a sheet that reflects
-        nothing.
+        Where all light enters it is `subsurface`. Else it is `translucent` without a highlight. With one it is blended with a sheet that
+        reflects nothing.
         """
         extension, medium = extensions.get("KHR_materials_diffuse_transmission", {}), self._medium(extensions)
         weight = self._texture(extension.get("diffuseTransmissionTexture"), 3)
@@ -135,7 +135,8 @@ class Materials:
             return metallic_roughness.material(surface)
         color = as_color(extension.get("diffuseTransmissionColorFactor", WHITE))
         passed = Input(color, self._texture(extension.get("diffuseTransmissionColorTexture")))
-        plain = surface.ior.value[0] == 1.0 and surface.specular is None and surface.metallic.value[0] == 0.0
+        body = medium != NONE and share == 1.0
+        plain = (surface.ior.value[0] == 1.0 or body) and surface.specular is None and surface.metallic.value[0] == 0.0
         plain = plain and surface.coat.value[0] == 0.0 and surface.sheen.value == BLACK and weight == NONE
         reflected = replace(surface.diffuse, value=scale_color(surface.diffuse.value, 1.0 - share)) if plain else Input(BLACK)
         inputs = {
@@ -145,9 +146,10 @@ class Materials:
         maps = {slot: map_ for slot, map_ in ((ir.Slot.NORMAL, surface.normal), (ir.Slot.EMISSION, surface.emissive)) if map_ is not None}
         opacity = surface.opacity, surface.threshold
         model = ir.MaterialModel.TRANSLUCENT
-        if plain and medium != NONE and share == 1.0:
+        if plain and body:
             model = ir.MaterialModel.SUBSURFACE
             inputs[ir.Slot.AMBIENT] = Input(as_color(extensions[_SCATTER].get("multiscatterColor", BLACK)))
+            inputs |= {ir.Slot.RADIUS: Input.number(1.0), ir.Slot.IOR: surface.ior, ir.Slot.ROUGHNESS: surface.roughness}
         if plain:
             return partial_coverage.with_opacity(MaterialData(model, inputs | maps, name=surface.name, medium=medium), *opacity)
         sheet = MaterialData(model, inputs | maps, name=f"{surface.name} through", medium=medium)

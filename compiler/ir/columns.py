@@ -16,7 +16,7 @@ _FLOAT64 = {
     "matrix", "inverse", "parameters", "bounds", "origin", "frame", "size", "color_a", "color_b", "gain", "bias", "color", "position",
     "direction", "cos_cone", "cos_full", "angle", "coefficients", "extent", "aspect", "near", "far", "shift", "exposure",
     "threshold", "move", "turn", "stretch", "opening", "shutter", "constants", "lens", "focus",
-    "pixel_aspect", "planes", "scattering", "absorption", "emission", "anisotropy", "priority", "top",
+    "pixel_aspect", "planes", "scattering", "absorption", "emission", "anisotropy", "draine", "priority", "top",
 }  # fmt: skip
 _FLOAT32 = {"positions", "texels"}
 _INT64 = {"first", "first_constant"}
@@ -40,6 +40,7 @@ _SHAPE: dict[tuple[str, str], tuple[int, ...]] = {
     ("media", "scattering"): (3,),
     ("media", "absorption"): (3,),
     ("media", "emission"): (3,),
+    ("media", "draine"): (4,),
     ("media", "bounds"): (2, 3),
     ("textures", "frame"): (2, 3),
     ("textures", "color_a"): (3,),

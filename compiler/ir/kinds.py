@@ -89,6 +89,7 @@ class Slot(Kind):
     SHEEN = 19  # colour of the sheen of cloth
     SHEEN_ROUGHNESS = 20  # number
     DIFFUSE_TRANSMISSION = 21  # colour: share of the light that leaves a sheet diffusely on the other side
+    RADIUS = 22  # number: factor of how far light goes below the surface of a body
 
 
 SLOTS = len(Slot)

@@ -122,7 +122,8 @@ class Media(NamedTuple):
     scattering: F64  # (n, 3)
     absorption: F64  # (n, 3)
     emission: F64  # (n, 3) radiance that a metre emits, W/(m³ sr) in the units of lights
-    anisotropy: F64  # (n,) g of Henyey and Greenstein 1941, -1 to 1
+    anisotropy: F64  # (n,) mean cosine of the angle of deflection, -1 to 1: g of Henyey and Greenstein 1941
+    draine: F64  # (n, 4) in place of that: its g, g and α of Draine 2003, and the weight of the latter; a weight of 0: none
     priority: F64  # (n,) where media overlap, the higher one counts
     everywhere: Bool  # (n,) it fills the whole scene, around all shapes; at most one row
     top: F64  # (n,) height y in the world up to which the density is 1; inf: no top

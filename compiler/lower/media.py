@@ -30,6 +30,7 @@ from ..scene.row_records import (
     multiply_colors,
     scale_color,
 )
+from . import phase_functions
 from .context import Context
 
 KOSCHMIEDER = 3.912  # extinction times visibility: −ln 2 %
@@ -179,6 +180,7 @@ class Media:
         """The row of a texture of voxels; -1 after a diagnostic."""
         lowering, args = self._lowering, element.args
         try:
+            voxels.refuse(args["file"])
             path = lowering.files.find(args["file"], lowering.folder(element), "file of voxels")
             image, slices = voxels.row(lowering.builder, path, args["slices"], element.place)
         except (FileError, ImageError) as failure:
@@ -197,7 +199,8 @@ class Media:
         if scattering is None:
             return None
         emission = scale_color(args["emission"] or BLACK, factor)
-        return MediumData(scale_color(scattering, factor), scale_color(absorption, factor), emission, args["phase"])
+        cosine, draine = phase_functions.of(args["phase"], args["alpha"], args["droplet"])
+        return MediumData(scale_color(scattering, factor), scale_color(absorption, factor), emission, cosine, draine)
 
     def _by_albedo(self, element: Element, extinction: Color, may_be_none: bool) -> tuple[Color | None, Color]:
         """(scattering, absorption) by coefficients or by a colour; scattering is None after a diagnostic."""
@@ -232,7 +235,8 @@ class Media:
         top, falloff = args["top"] or 0.0, args["falloff"]
         if falloff is None:
             falloff = 0.0 if args["top"] is not None else KOSCHMIEDER / thickest / HEIGHTS
-        data = MediumData(scattering, absorption, BLACK, args["phase"], everywhere=True, top=top, falloff=falloff)
+        cosine, draine = phase_functions.of(args["phase"], args["alpha"], args["droplet"])
+        data = MediumData(scattering, absorption, BLACK, cosine, draine, everywhere=True, top=top, falloff=falloff)
         self._lowering.builder.medium(data, element.place)
 
     # --- shapes and materials as they are ---

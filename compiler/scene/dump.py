@@ -34,8 +34,8 @@ _DEFAULTS = {  # default values: columns with them are left out
                    "polygon_count": 0, "normals": -1, "uvs": -1, "colors": -1, "tape": -1},
     "instances": {"transform": 0, "light": -1, "visible": 7},
     "materials": {"shading": 0, "normalized": 0, "threshold": 0, "first": -1, "second": -1, "medium": -1},
-    "media": {"scattering": 0, "absorption": 0, "emission": 0, "anisotropy": 0, "priority": 0, "everywhere": 0, "top": np.inf, "falloff": 0,
-              "density": -1, "transform": 0, "bounds": ((-np.inf,) * 3, (np.inf,) * 3)},
+    "media": {"scattering": 0, "absorption": 0, "emission": 0, "anisotropy": 0, "draine": 0, "priority": 0, "everywhere": 0,
+              "top": np.inf, "falloff": 0, "density": -1, "transform": 0, "bounds": ((-np.inf,) * 3, (np.inf,) * 3)},
     "textures": {"mapping": 0, "wrap_u": 0, "wrap_v": 0, "nearest": 0, "image": -1, "tape": -1, "channel": -1, "size": 0, "gain": 1,
                  "bias": 0, "slices": 0, "frame": ((1, 0, 0), (0, 1, 0))},
     "lights": {"position": 0, "direction": (0, 1, 0), "transform": 0, "size": 0, "cos_cone": -1, "cos_full": -1, "angle": 0, "falloff": 0,
@@ -48,7 +48,7 @@ _DEFAULTS = {  # default values: columns with them are left out
 
 _NUMBERS = {
     ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS,
-    ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS,
+    ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS, ir.Slot.RADIUS,
 }  # fmt: skip
 
 

@@ -110,6 +110,7 @@ class MediumData:
     absorption: Color = BLACK
     emission: Color = BLACK
     anisotropy: float = 0.0
+    draine: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     priority: float = 0.0
     everywhere: bool = False
     top: float = math.inf

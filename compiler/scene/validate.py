@@ -60,7 +60,7 @@ _CHOICES: tuple[tuple[str, str, type[IntEnum]], ...] = (
 )
 _FINITE = (
     ("transforms", "matrix"), ("materials", "values"), ("media", "scattering"), ("media", "absorption"),
-    ("media", "emission"), ("media", "anisotropy"), ("media", "priority"), ("media", "falloff"), ("textures", "frame"),
+    ("media", "emission"), ("media", "anisotropy"), ("media", "draine"), ("media", "priority"), ("media", "falloff"), ("textures", "frame"),
     ("textures", "size"), ("textures", "color_a"), ("textures", "color_b"), ("textures", "gain"), ("textures", "bias"),
     ("lights", "color"), ("lights", "position"), ("lights", "direction"), ("lights", "size"), ("lights", "cos_cone"),
     ("lights", "cos_full"), ("lights", "angle"), ("lights", "coefficients"),
@@ -306,6 +306,9 @@ def _media(check: Check) -> None:
         message = f"{held} materials of this scene have a medium inside: {MOST_MEDIA} are drawn, those of the highest priority"
         check.diagnostics.warning(message, hint="shapes with one medium and one material count once; each one with a formula counts")
     check.bad("media", abs(table["anisotropy"]) > 1, "its anisotropy is not between -1 and 1")
+    g, of_draine, alpha, weight = table["draine"].T
+    wrong = (abs(g) > 1) | (abs(of_draine) >= 1) | (alpha < 0) | (weight < 0) | (weight > 1)
+    check.bad("media", wrong, "its phase function of Draine has g beyond -1 and 1, α below 0, or a weight beyond 0 and 1")
     check.bad("media", np.isnan(table["top"]) | np.isnan(table["bounds"]).any(axis=(1, 2)), "its bounds are not numbers")
     check.bad("media", np.cumsum(table["everywhere"]) * table["everywhere"] > 1, "the scene has another one that fills it")
     kinds = np.append(textures["kind"], ir.TextureKind.FORMULA)[table["density"]]  # the last stands for row -1

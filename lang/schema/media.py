@@ -12,10 +12,20 @@ def _coefficients(instead: str) -> tuple[Arg, ...]:
     )
 
 
-def _phase(default: float) -> Arg:
-    return Arg(
-        "phase", "number", default, "g of its phase function (Henyey and Greenstein 1941): 0 scatters evenly, 1 forwards, -1 backwards",
-        above=-1.0, below=1.0, keyword=True,
+def _phase(default: float) -> tuple[Arg, ...]:
+    return (
+        Arg(
+            "phase", "number", default, "g of its phase function (Henyey and Greenstein 1941): 0 scatters evenly, 1 forwards, -1 backwards",
+            above=-1.0, below=1.0, keyword=True,
+        ),
+        Arg(
+            "alpha", "number", 0.0, "α of the phase function of Draine 2003: more light on and back; 1 with a `phase` of 0 is Rayleigh's",
+            minimum=0.0, keyword=True,
+        ),
+        Arg(
+            "droplet", "length", None, "diameter of water droplets, 5um to 50um, in place of `phase` (Jendersie and d'Eon 2023)",
+            minimum=5e-6, maximum=5e-5, keyword=True,
+        ),
     )  # fmt: skip
 
 
@@ -32,14 +42,14 @@ MEDIUM = Entry(
         Arg("depth", "size3", None, "mean free path: how far light goes from particle to particle; default 10 cm", above=0.0),
         *_coefficients("`color` and `depth`"),
         Arg("emission", "emission", None, "radiance that it emits per metre of its depth", minimum=0.0, keyword=True),
-        _phase(0.0),
+        *_phase(0.0),
         Arg("density", "density", None, "factor of them all: a formula of the point in the frame of the shape, or volume(…)", keyword=True),
         Arg(
             "priority", "number", None, "where media overlap, the one of the highest priority counts; default: that of its glass, or 0",
             minimum=0.0, keyword=True,
         ),
     ),
-    exclusive=_either("color", "depth"),
+    exclusive=(*_either("color", "depth"), ("droplet", "phase"), ("droplet", "alpha")),
     example="sphere(0.3, medium: medium(color: #fff4e0, depth: 2cm))",
 )  # fmt: skip
 FOG = Entry(
@@ -56,9 +66,9 @@ FOG = Entry(
             minimum=0.0, keyword=True,
         ),
         *_coefficients("`color` and `visibility`"),
-        _phase(0.5),
+        *_phase(0.5),
     ),
-    exclusive=_either("color", "visibility"),
+    exclusive=(*_either("color", "visibility"), ("droplet", "phase"), ("droplet", "alpha")),
     example="fog(visibility: 400m, top: 3m, falloff: 20m)",
 )  # fmt: skip
 INSIDE = Arg("medium", "medium", None, "the medium inside of it, if it is closed; inherited from the enclosing block", keyword=True)

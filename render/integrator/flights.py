@@ -12,7 +12,7 @@ from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..material import medium_stack
 from ..material.bsdf import Scattered
-from ..medium import free_flight, phase, tracking
+from ..medium import bodies, free_flight, phase, phase_table, tracking
 from ..types import Lane, Surface, Tables, Vec
 from .path_state import PathSample, PathState
 
@@ -35,6 +35,8 @@ class Event(NamedTuple):
     passes: Lane  # bool: an invisible boundary
     position: Vec
     anisotropy: Lane  # g of the phase function
+    draine: Any  # phase_table.Draine, or NoDraine
+    number: Lane  # of the medium
 
 
 @helper
@@ -44,7 +46,7 @@ def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, 
     none = tracking.Flight(ops.bool_like(zero, False), t, (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero))
     if ops.not_(ops.any_lane(number > 0)):
         return Flown(path.weight, none.scattered, t, none.emitted)
-    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0)
+    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0, path.body)
     flight = free_flight.fly(table, none, tables, number, path.origin, path.direction, path.near, t, path.weight, key)
     return Flown(
         ops.mul(path.weight, flight.factor), active & (number > 0) & flight.scattered, flight.t, ops.mul(path.weight, flight.emitted)
@@ -54,8 +56,9 @@ def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, 
 @helper
 def _weighted(flown: Flown, path: PathState) -> PathState:
     return PathState(
-        path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near
-    )
+        path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
+        path.body,
+    )  # fmt: skip
 
 
 @helper
@@ -75,7 +78,7 @@ def _event(flown: Flown, plain: Any, tables: Tables, path: PathState, point: Sur
     t = ops.where(flown.scattered, flown.t, 0.0)
     return Event(
         flown.scattered, surfaces & table.scatter.clear[point.material], ops.along(path.origin, path.direction, t),
-        0.0 * path.density + table.scatter.anisotropy[inside],
+        0.0 * path.density + table.scatter.anisotropy[inside], table.scatter.draine, inside,
     )  # fmt: skip
 
 
@@ -109,7 +112,8 @@ def _or_scattered(event: Event, plain: Lane) -> Lane:
 
 @helper
 def _evaluate(event: Event, plain: tuple[Vec, Lane], to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
-    density = phase.density(event.anisotropy, -ops.dot(to_light, to_viewer))
+    cosine = -ops.dot(to_light, to_viewer)
+    density = phase_table.density(event.draine, phase.density(event.anisotropy, cosine), event.number, cosine)
     share = 3.141592653589793 * density
     scattered = event.scattered
     return ops.where3(scattered, (share, share, share), plain[0]), ops.where(scattered, density, plain[1])
@@ -120,10 +124,11 @@ def _scatter(event: Event, plain: Scattered, direction: Vec, u: Lane, v: Lane) -
     if ops.not_(ops.any_lane(event.scattered)):
         return plain
     onward, density = phase.sample(event.anisotropy, direction, u, v)
-    unit = 0.0 * density + 1.0
+    plain_phase = onward, 0.0 * density + 1.0, density
+    onward, weight, density = phase_table.sample(event.draine, plain_phase, event.number, direction, u, v)
     scattered = event.scattered
     return Scattered(
-        ops.where3(scattered, onward, plain.direction), ops.where3(scattered, (unit, unit, unit), plain.weight),
+        ops.where3(scattered, onward, plain.direction), ops.where3(scattered, (weight, weight, weight), plain.weight),
         ops.where(scattered, density, plain.density),
         plain.through & ops.not_(scattered),
     )  # fmt: skip
@@ -169,6 +174,7 @@ def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, 
         (passes & path.straight) | (ops.not_(passes) & onward.straight), ops.where(passes, inside, onward.inside),
         ops.where(passes, path.phase, onward.phase), choose_facing(path.facing, onward.facing, passes),
         choose_links(path.links, onward.links, passes), ops.where(passes, behind(point, path.direction, t), onward.near),
+        bodies.choose(path.body, onward.body, passes),
     )  # fmt: skip
     return passed, plain[1] | (passes & (ops.largest(path.weight) > 0.0))
 

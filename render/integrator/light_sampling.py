@@ -160,4 +160,6 @@ def sample_direct(
     reach = ops.maximum(arriving.distance - short / ops.maximum(arriving.cosine, GRAZING), 0.0)
     distance = ops.where(shadows, reach, flights.untested(shading.event, ops.full_like(reach, -1.0), reach))
     distance = _mark(inputs.emitters.media, distance, inputs, row)
-    return Connection(origin, arriving.direction, distance, radiance, wanted, share, blockers, flights.carried(shading.event, None, inside))
+    body = medium_stack.enter_body(path.body, None, tables, point, inside, arriving.direction)
+    inside = flights.carried(shading.event, None, inside)
+    return Connection(origin, arriving.direction, distance, radiance, wanted, share, blockers, inside, body)

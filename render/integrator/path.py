@@ -67,8 +67,9 @@ def shade_vertex(
     uses, depth = inputs.uses, index.depth
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
     path = PathState(
-        path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near
-    )
+        path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
+        path.body,
+    )  # fmt: skip
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
     surfaces = flights.surfaces(event, here)
     shader = evaluate_shader_filtered(tables, point, uses, path.inside)
@@ -80,7 +81,8 @@ def shade_vertex(
     nothing = ops.bool_like(zero, False)
     bits = links.bits_of(options.links, None, tables, point)
     black = (zero, zero, zero)
-    connection = Connection(point.position, path.direction, zero, sent, nothing, black, bits, flights.carried(event, None, path.inside))
+    inside = flights.carried(event, None, path.inside)
+    connection = Connection(point.position, path.direction, zero, sent, nothing, black, bits, inside, path.body)
     shading = ShadingContext(point, shader, viewer, path.inside, event)
     if depth > options.bounces:
         ended = Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing)
@@ -164,9 +166,10 @@ def _continue(
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)
     bits = links.bits_beyond(linked, None, tables, point, path.links, scattered.through)
+    body = medium_stack.enter_body(path.body, None, tables, point, inside, scattered.direction)
     return PathState(
         origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader, shading.event), bits,
-        flights.at_start(shading.event, None, density),
+        flights.at_start(shading.event, None, density), body,
     )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ def radiance(
     path = path._replace(links=links.bits_of_eye(options.links, None, zero))
     media = medium_stack.scattering(tables)
     if media is not None:
-        path = path._replace(near=zero + ray.t_min)
+        path = path._replace(near=zero + ray.t_min, body=medium_stack.initial_body(tables, zero))
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero if path.near is None else path.near, zero + np.inf, ray.time)
@@ -103,7 +103,7 @@ def _through_media(
         hits = going & (hit.instance >= 0) & (hit.t < distance)
         far = np.maximum(np.where(hits, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
-        key = tracking.Key(index.pixel, index.sample, tracking.depth_of_segment(index.depth, segment), index.seed, 1)
+        key = tracking.Key(index.pixel, index.sample, tracking.depth_of_segment(index.depth, segment), index.seed, 1, connection.body)
         white = tuple(np.ones(np.shape(distance)) for _ in range(3))
         share = free_flight.transmit(media, white, tables, np.where(collects, 0, number), ray.origin, ray.direction, near, far, key)
         if np.any(collects):

@@ -45,6 +45,7 @@ class PathState(NamedTuple):
     facing: Any = None  # its origin's record for light selection, see light_tree.facing
     links: Any = None  # light links of its origin, see links.bits_of; None in scenes without links
     near: Any = None  # distance at which it begins, behind an invisible boundary; None in scenes without scattering media
+    body: Any = None  # colour, and factor of the radius, where it entered a body; None in scenes without bodies of varying colour
 
 
 class PathSample(NamedTuple):
@@ -67,6 +68,7 @@ class Connection(NamedTuple):
     share: Any = None  # π f cos of the BSDF towards it
     blockers: Any = None  # mask of the instances that block it, see links.Links; None in scenes without links
     inside: Any = None  # medium stack at its origin; None in scenes without scattering media
+    body: Any = None  # see PathState
 
 
 class Vertex(NamedTuple):
@@ -103,9 +105,10 @@ def uses_of(tables: ir.Tables) -> Uses:
     def any_of(*slots: int) -> bool:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
+    flat = traits.flat_facets(tables) | traits.flat_coats(tables)
     return Uses(
         glossy=any_of(slot.SPECULAR) or bool((traits.facets(tables) | traits.added(tables)).any()) or rough_dielectric.is_rough(tables),
-        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((traits.has(tables, Lobes.GLASS) | traits.flat_facets(tables)).any()),
+        sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((traits.has(tables, Lobes.GLASS) | flat).any()),
         shines=any_of(slot.EMISSION),
         ambient=bool(ir.is_in(tables.lights.kind, AMBIENT).any()),
         sky=bool((sky & tables.lights.shadows).any()),

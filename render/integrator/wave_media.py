@@ -16,7 +16,7 @@ from ..sampling import sobol
 from ..types import Lane, Tables, Vec
 from . import flights, path_reuse
 from .wave_intersection import intersect_stage, load_hits, surface_at
-from .wave_memory import STATE
+from .wave_memory import STATE, load_body, store_body
 
 COLLECTING = 4096  # depths from which the rays that collect light have random numbers
 
@@ -86,7 +86,7 @@ Uses the rows of `source`, whose rays have been shaded."""
 def _pass_media(accel, scene, frame, memory, source, n, depth):
     table = medium_stack.scattering(scene.tables)
     collecting = emitting_cells.exist(scene.light.emitters.media, False)
-    count = _queue_rays(frame, memory, source, n)
+    count = _queue_rays(scene.tables, frame, memory, source, n)
     segment = 0
     while count > 0:
         if table.walled[0] or collecting:
@@ -96,7 +96,7 @@ def _pass_media(accel, scene, frame, memory, source, n, depth):
 
 
 @helper
-def _queue_rays(frame: Any, memory: Any, source: int, n: int) -> int:
+def _queue_rays(tables: Any, frame: Any, memory: Any, source: int, n: int) -> int:
     """Write the unblocked shadow rays to the rows of paths; return their number."""
     base, queued = source * STATE * ROW, 0
     like = simd.load(memory.state, 0)
@@ -114,6 +114,8 @@ def _queue_rays(frame: Any, memory: Any, source: int, n: int) -> int:
         compress_store3(memory.index, source * 3 * ROW + queued, (slot, pixel, sample), wanted)
         compress_store(memory.inside, source * ROW + queued, simd.load(memory.shadow_inside, i), wanted)
         compress_store(memory.near, source * ROW + queued, zero, wanted)
+        body = load_body(medium_stack.initial_body(tables, zero), None, memory.shadow_body, i, 1)
+        store_body(body, None, memory.body, source * 4 * ROW + queued, wanted)
         queued += simd.count(wanted)
     return queued
 
@@ -166,6 +168,7 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         distance, near = simd.load(memory.state, base + 9 * ROW + i), simd.load(memory.near, source * ROW + i)
         slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
         inside = simd.load(memory.inside, source * ROW + i)
+        body = load_body(medium_stack.initial_body(tables, near), None, memory.body, source * 4 * ROW + i, 1)
         hit, piece, hits = load_hits(memory, i, active)
         hits = hits & ops.bool_like(like, met)
         t = ops.where(hits, hit.t, np.inf)
@@ -175,7 +178,7 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         white = (0.0 * like + 1.0, 0.0 * like + 1.0, 0.0 * like + 1.0)
         collects = collecting(media, ops.bool_like(like, False), distance)
         if ops.any_lane(number > 0):
-            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1)
+            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1, body)
             ray = origin, direction, near, far
             passed = free_flight.transmit(table, white, tables, ops.where(collects, 0, number), origin, direction, near, far, of_ray)
             passed = _collect(media, passed, table, tables, memory, (number, distance, light, slot), ray, of_ray)
@@ -196,6 +199,7 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         compress_store(memory.state, base + 9 * ROW + kept, distance, going)
         compress_store3(memory.index, source * 3 * ROW + kept, (slot, pixel, sample), going)
         compress_store(memory.inside, source * ROW + kept, inside, going)
+        store_body(body, None, memory.body, source * 4 * ROW + kept, going)
         compress_store(memory.near, source * ROW + kept, flights.behind(point, direction, t), going)
         kept += simd.count(going)
     return kept

@@ -41,6 +41,8 @@ class WaveMemory(NamedTuple):
     links: Any  # (2 · ROW,) int: light links of the origins of rays, in scenes with links
     blockers: Any  # (ROW,) int: masks of what blocks shadow rays, in scenes with links
     shadow_inside: Any  # (ROW,) int: medium stacks of shadow rays, in scenes with scattering media
+    body: Any  # (2 · 4 · ROW,) float: bodies of the rays, in scenes with bodies of varying colour
+    shadow_body: Any  # (4 · ROW,) float: bodies of shadow rays, likewise
     shared: Any  # path_reuse.Shared or path_reuse.Alone
 
     @classmethod
@@ -57,6 +59,7 @@ class WaveMemory(NamedTuple):
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole),
             row(ESTIMATE, kind), row(1, whole), row(1, np.int64),
             row(4, kind), row(6, whole), row(2, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole), row(1, whole),
+            row(2 * 4, kind), row(4, kind),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -79,6 +82,19 @@ class WaveScene(NamedTuple):
 @helper
 def _load_medium(outside: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
     return outside if depth == 0 else simd.load(memory.inside, at)
+
+
+@helper
+def _load_body(start: Any, plain: Any, rows: Any, at: int, depth: int) -> Any:
+    if depth == 0:
+        return start
+    return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW), simd.load(rows, at + 3 * ROW)
+
+
+@helper
+def _store_body(body: Any, plain: Any, rows: Any, at: int, going: Lane) -> None:
+    for k in range(4):
+        compress_store(rows, at + k * ROW, body[k], going)
 
 
 @helper
@@ -120,6 +136,9 @@ load_links = specialize_if_present(_load_links)
 """(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
 load_medium = specialize_if_present(_load_medium)
 """(outside, None, memory, at, depth): the medium stacks of rays; `outside` for camera rays, None in scenes without media."""
+load_body = specialize_if_present(_load_body)
+"""(body of camera rays, None, rows, at, depth): the bodies of rays; None in scenes without bodies of varying colour."""
+store_body = specialize_if_present(_store_body)
 store_optional = specialize_if_present(_store_optional)
 """(value, None, rows, at, going): store the lanes of a mask from place `at` on; nothing where the scene has no such value."""
 store_optional3 = specialize_if_present(_store_optional3)

@@ -37,10 +37,12 @@ from .wave_memory import (
     START,
     STATE,
     STRAIGHT,
+    load_body,
     load_facing,
     load_links,
     load_medium,
     load_near,
+    store_body,
     store_optional,
     store_optional3,
 )
@@ -280,6 +282,7 @@ def _load_path(scene: Any, options: Any, memory: Any, source: int, i: int, depth
         ops.where(code > 1.5, code, 0.0), load_facing(scene.light.emitters.tree.below, memory, source * 3 * ROW + i),
         load_links(options.links, None, memory, source * ROW + i, depth),
         load_near(medium_stack.scattering(tables), None, memory, source * ROW + i),
+        load_body(medium_stack.initial_body(tables, density), None, memory.body, source * 4 * ROW + i, depth),
     )  # fmt: skip
 
 
@@ -296,6 +299,7 @@ def _push_path(memory: Any, target: int, kept: int, onward: PathState, item: Any
     store_optional(onward.inside, None, memory.inside, at, going)
     store_optional(onward.links, None, memory.links, at, going)
     store_optional(onward.near, None, memory.near, at, going)
+    store_body(onward.body, None, memory.body, target * 4 * ROW + kept, going)
     store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + kept, going)
 
 
@@ -324,6 +328,7 @@ def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection
     compress_store(memory.shadow_slot, asked, slot, wanted)
     store_optional(connection.blockers, None, memory.blockers, asked, wanted)
     store_optional(connection.inside, None, memory.shadow_inside, asked, wanted)
+    store_body(connection.body, None, memory.shadow_body, asked, wanted)
 
 
 @helper

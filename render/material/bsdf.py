@@ -14,7 +14,7 @@ from ..lanes import ops
 from ..light import lights
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
-from . import added_lobes, fresnel, microfacet, phong, rough_dielectric, sheen
+from . import added_lobes, body_coat, fresnel, microfacet, phong, rough_dielectric, sheen
 from .shader import ONLY, Shader, Uses
 
 NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the diffuse base under it; at 0.06 neither is better
@@ -26,6 +26,7 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
     light = phong.reflected_classic(shader, normal, to_light, to_viewer)
     light = added_lobes.value(shader.added, light, normal, to_light, to_viewer)
     light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
+    light = body_coat.reflected(shader.coat, light, normal, to_light, to_viewer)
     return rough_dielectric.reflected(shader.frost, light, normal, to_light, to_viewer)
 
 
@@ -260,6 +261,7 @@ def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_vie
             sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
         density = density / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
         share, density = microfacet.eval_pdf(shader.lobes, (share, density), normal, to_light, to_viewer, sharp)
+        density = body_coat.density(shader.coat, density, shader.added, normal, to_light, to_viewer, sharp)
         share, density = rough_dielectric.eval_pdf(shader.frost, (share, density), normal, to_light, to_viewer)
     return share, density
 
@@ -278,7 +280,8 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
         if uses.sharp:
             mirror, clear = ops.mean3(shader.reflection), ops.mean3(shader.transmission)
         classic = added_lobes.chance(shader.added, matt + shiny, normal, to_viewer)
-        blunt = rough_dielectric.one(shader.frost, microfacet.whole(shader.lobes, classic, normal, to_viewer))
+        blunt = body_coat.whole(shader.coat, microfacet.whole(shader.lobes, classic, normal, to_viewer), shader.added, normal, to_viewer)
+        blunt = rough_dielectric.one(shader.frost, blunt)
         whole = ops.maximum(blunt + mirror + clear, lights.TINY)
         which = which * whole
         if uses.glossy:
@@ -287,7 +290,8 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
                 direction = ops.where3(lobed, phong.sample_classic_lobe(shader, normal, to_viewer, u, v)[0], direction)
         direction = added_lobes.draw(shader.added, direction, normal, to_viewer, u, v, which - matt - shiny)
         direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
-        direction, meant = rough_dielectric.draw(shader.frost, (direction, ops.bool_like(zero, True)), normal, to_viewer, u, v, which)
+        drawn = body_coat.draw(shader.coat, (direction, ops.bool_like(zero, True)), shader.added, normal, to_viewer, u, v, which)
+        direction, meant = rough_dielectric.draw(shader.frost, drawn, normal, to_viewer, u, v, which)
         share, density = eval_bsdf_pdf(shader, uses, normal, direction, to_viewer)
         weight = ops.scale(share, ops.where(meant, 1.0 / (math.pi * ops.maximum(density, lights.TINY)), 0.0))
         if uses.sharp:
@@ -339,5 +343,6 @@ def fresnel_split(point: Surface, shader: Shader, direction: Vec) -> tuple[Vec, 
     reflection = ops.where3(turned_back, ops.add(reflection, shader.transmission), reflection)
     viewer = ops.negate(direction)
     reflection = microfacet.specular_reflectance(shader.lobes, reflection, point.normal, viewer)
+    reflection = body_coat.specular_reflectance(shader.coat, reflection, point.normal, viewer)
     transmission = microfacet.transmit(shader.lobes, transmission, point.normal, viewer)
     return reflection, transmission, refracted, total

@@ -16,16 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ...materials import traits
+from ...materials import subsurface, traits
 from ...materials.contract import Lobes
 from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
-from ..medium import scattering_table
+from ..medium import bodies, scattering_table
 from ..simd.registration import overload
+from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
 
 IOR, ABSORPTION, PRIORITY = int(ir.Slot.IOR), int(ir.Slot.ABSORPTION), int(ir.Slot.PRIORITY)
+AMBIENT, RADIUS = int(ir.Slot.AMBIENT), int(ir.Slot.RADIUS)
 BITS = 7
 MASK = (1 << BITS) - 1  # also the most media of a scene
 DEPTH = 4  # most media of a stack; beyond that, the oldest entry is dropped
@@ -82,7 +84,23 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
     outside = 0
     for entry in (*([1] if len(fog) else []), *(int(number[row]) for row in around)):
         outside = int(push(np.int64(outside), np.int64(entry)))
-    return record._replace(scatter=scattering_table.build(tables, media_rows, (clear, aimed), absorbed, outside, general))
+    scatter = scattering_table.build(tables, media_rows, (clear, aimed), absorbed, outside, general)
+    return record._replace(scatter=scatter._replace(bodies=_bodies(tables, number, len(media_rows), around, general)))
+
+
+def _bodies(tables: ir.Tables, number: NDArray[np.int64], count: int, around: tuple[int, ...], general: bool) -> Any:
+    """The bodies whose colour or radius varies, by the number of their medium."""
+    m, record = tables.materials, bodies.none(count, general)
+    varies = np.flatnonzero(traits.varying_bodies(tables) & (number > 0)).tolist()
+    if not varies:
+        return record
+    radius, start = np.zeros((count, 4)), np.ones(4)
+    for row in varies:
+        radius[number[row], :3] = subsurface.radius(tables, row)
+    for row in around:
+        if row in varies:
+            start = np.append(m.values[row, AMBIENT], m.values[row, RADIUS, 0])
+    return bodies.Bodies(radius, start)
 
 
 def is_used(tables: Any) -> bool:
@@ -124,6 +142,26 @@ def _outside_in_kernels(tables, like):
     if is_used(tables):
         return lambda tables, like: ops.int_like(like, 0)
     return lambda tables, like: None
+
+
+def initial_body(tables: Tables, like: Lane) -> Any:
+    """Return the bodies.Body of camera rays; None in scenes without bodies of varying colour."""
+    record = getattr(scattering(tables), "bodies", None)
+    return tuple(ops.full_like(like, start) for start in record.start.tolist()) if record else None
+
+
+@overload(initial_body)
+def _body_in_kernels(tables, like):
+    record = tables.field("materials.media.scatter.bodies") if scatters(tables) else None
+    if record is None or record[1] == ():
+        return lambda tables, like: None
+
+    def start(tables, like):
+        first = tables.materials.media.scatter.bodies.start
+        zero = 0.0 * like
+        return zero + first[0], zero + first[1], zero + first[2], zero + first[3]
+
+    return start
 
 
 # --- stack operations -----------------------------------------------------------------------------------------------------
@@ -209,6 +247,20 @@ def _attenuate(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
     )  # fmt: skip
 
 
+@helper
+def _enter_body(body: Any, plain: Any, tables: Tables, point: Surface, inside: Lane, direction: Vec) -> Any:
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    number = ops.to_int(table.number[point.material])
+    enters = (ops.dot(direction, point.geometric) < 0.0) & point.front & (number > 0) & (top(inside) == number)
+    enters = enters & (table.scatter.bodies.radius[number, 0] > 0.0)
+    if ops.not_(ops.any_lane(enters)):
+        return body
+    r, g, b = color_of(tables, point, AMBIENT)
+    return bodies.choose((r, g, b, number_of(tables, point, RADIUS)), body, enters)
+
+
+enter_body = specialize_if_present(_enter_body)
+"""(body of a ray, None, tables, point, stack of the ray that leaves it, its direction) → body: that of the point where it enters one."""
 # Each takes the stack of a ray, the result in scenes without media, and:
 relative_ior = specialize_if_present(_relative_ior)  # (tables, point) → relative index at a boundary of index `plain`
 is_ignored = specialize_if_present(_is_ignored)  # (tables, point) → whether a boundary is ignored

@@ -19,7 +19,7 @@ from ..simd.registration import overload
 from ..surface import blend, model_tests, normal_map
 from ..surface.material_inputs import color_of, number_of
 from ..types import Surface, Tables
-from . import added_lobes, energy_compensation, medium_stack, microfacet, rough_dielectric, sheen
+from . import added_lobes, body_coat, energy_compensation, medium_stack, microfacet, rough_dielectric, sheen
 from .microfacet import Lobes
 
 DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
@@ -48,6 +48,7 @@ class Layered(NamedTuple):
     media: Any  # medium_stack.Media or Air
     blended: Any  # blend.Blended or Plain
     added: Any  # added_lobes.Added or NotAdded
+    coats: Any  # body_coat.Coats or NoCoats
 
 
 class Smooth(NamedTuple):
@@ -59,14 +60,17 @@ def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...]
 
     With `general`, every part is there: those that the scene does not use are empty. `around` are the materials around the camera.
     """
-    facets = bool((traits.facets(tables) & traits.used(tables)).any())
+    facets = bool(((traits.facets(tables) | traits.coated(tables)) & traits.used(tables)).any())
     parts = (
         energy_compensation.table() if facets else energy_compensation.unused_table() if general else Smooth(),
         sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general, around), blend.find_blends(tables, general),
-        added_lobes.tables_of(tables, general),
+        added_lobes.tables_of(tables, general), body_coat.tables_of(tables, general),
     )  # fmt: skip
-    absent = Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded
+    absent = (
+        Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded,
+        body_coat.NoCoats,
+    )  # fmt: skip
     if all(isinstance(part, absent) for part in parts):
         return tables
     return tables._replace(materials=Layered(*tables.materials, *parts))  # pyright: ignore[reportArgumentType]

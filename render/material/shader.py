@@ -11,7 +11,7 @@ from ..light import lights
 from ..surface import model_tests
 from ..surface.material_inputs import color_of
 from ..types import Lane, Surface, Tables, Vec
-from . import added_lobes, medium_stack, microfacet, principled, rough_dielectric
+from . import added_lobes, body_coat, medium_stack, microfacet, principled, rough_dielectric
 
 AMBIENT = int(ir.Slot.AMBIENT)
 DIFFUSE = int(ir.Slot.DIFFUSE)
@@ -53,6 +53,7 @@ class Shader(NamedTuple):
     lobes: Any  # microfacet.Lobes (the classic lobes of their lanes are 0); None in scenes without
     frost: Any  # rough_dielectric.Frost; None in scenes without
     added: Any  # a tuple of added_lobes.AddedLobe; None in scenes without
+    coat: Any  # body_coat.Coat; None in scenes without
 
 
 @helper
@@ -97,9 +98,10 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
     diffuse = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     plain = Shader(
         ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None,
-        added_lobes.at(tables, surface),
+        added_lobes.at(tables, surface), None,
     )  # fmt: skip
     plain = _with_lobes(principled.at(tables, surface), plain)
+    plain = _with_coat(body_coat.at(tables, surface, inside), plain)
     return _with_frost(rough_dielectric.at(tables, surface, plain.ior, plain.transmission), plain)
 
 
@@ -114,7 +116,7 @@ def _replace_lobes(lobes: microfacet.Lobes, plain: Shader) -> Shader:
         ops.where3(here, ops.mul(plain.ambient, lobes.base), plain.ambient), ops.where3(here, black, plain.diffuse),
         ops.where3(here, black, plain.specular), plain.shininess, ops.where3(here, reflection, plain.reflection), plain.transmission,
         ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, lobes, None,
-        plain.added,
+        plain.added, None,
     )  # fmt: skip
 
 
@@ -130,11 +132,24 @@ def _replace_glass(frost: rough_dielectric.RoughGlass, plain: Shader) -> Shader:
         plain.ambient, plain.diffuse, plain.specular, plain.shininess, ops.where3(here, black, plain.reflection),
         ops.where3(here, black, plain.transmission), ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn,
         plain.normalized, plain.strength, plain.glass & ops.not_(here), plain.lobes, frost,
-        plain.added,
+        plain.added, plain.coat,
     )  # fmt: skip
 
 
 _with_frost = specialize_if_present(_replace_glass)
+
+
+@helper
+def _add_coat(coat: body_coat.Coat, plain: Shader) -> Shader:
+    """Add the highlight of bodies; their index of refraction is that of the highlight alone."""
+    return Shader(
+        plain.ambient, plain.diffuse, plain.specular, plain.shininess, body_coat.mirrors(coat, plain.reflection), plain.transmission,
+        ops.where(coat.here, 1.0 + 0.0 * plain.ior, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass,
+        plain.lobes, None, plain.added, coat,
+    )  # fmt: skip
+
+
+_with_coat = specialize_if_present(_add_coat)
 
 
 @helper

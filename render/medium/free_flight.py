@@ -13,7 +13,7 @@ from typing import Any
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
 from ..types import Lane, Tables, Vec
-from . import aims, column, tracking
+from . import aims, bodies, column, tracking
 from .tracking import Flight
 
 FARTHEST = 80.0  # optical depth beyond which exp is 0
@@ -56,7 +56,9 @@ def _fly(
     zero = 0.0 * near
     sigma_r, sigma_g, sigma_b, _ = row_gather.four_at(table.extinction, number)
     glow_r, glow_g, glow_b, _ = row_gather.four_at(table.emission, number)
-    extinction = (zero + sigma_r, zero + sigma_g, zero + sigma_b)
+    back_r, back_g, back_b, _ = row_gather.four_at(table.scattering, number)
+    plain_of = (zero + sigma_r, zero + sigma_g, zero + sigma_b), (zero + back_r, zero + back_g, zero + back_b)
+    extinction, back = bodies.coefficients(table.bodies, plain_of, number, key.body)
     height, slope = origin[1] + near * direction[1], direction[1]
     length = column.column(height, slope, zero + table.top[number], zero + table.falloff[number], far - near)
     passed = _attenuated(extinction, length)
@@ -65,20 +67,20 @@ def _fly(
         _glow(glow_b, extinction[2], length, passed[2]),
     )  # fmt: skip
     ray = (origin, direction, near, far)
-    scattered, t, factor = _sample_distance(table, number, ray, extinction, length, passed, weight, key)
+    scattered, t, factor = _sample_distance(table, number, ray, (extinction, back), length, passed, weight, key)
     return tracking.fly(table.fields, Flight(scattered, t, factor, emitted), tables, table, number, ray, weight, key)
 
 
 @helper
 def _sample_distance(
-    table: Any, number: Lane, ray: Any, extinction: Vec, length: Lane, passed: Vec, weight: Vec, key: Any
+    table: Any, number: Lane, ray: Any, coefficients: tuple[Vec, Vec], length: Lane, passed: Vec, weight: Vec, key: Any
 ) -> tuple[Lane, Lane, Vec]:  # fmt: skip
     """(whether light scatters before the end of a ray, the distance, the factor of the throughput)."""
     origin, direction, near, far = ray
-    back_r, back_g, back_b, most = row_gather.four_at(table.scattering, number)
-    chance = (weight[0] * back_r, weight[1] * back_g, weight[2] * back_b)
+    extinction, back = coefficients
+    chance = ops.mul(weight, back)
     total = chance[0] + chance[1] + chance[2]
-    samples = (most > 0.0) & (total > 0.0) & (length > 0.0)
+    samples = (ops.largest(back) > 0.0) & (total > 0.0) & (length > 0.0)
     chance = ops.scale(chance, 1.0 / ops.where(samples, total, 1.0))
     scatters = ops.where(samples, 1.0 - ops.dot(chance, passed), 0.0)
     often = scatters
@@ -102,7 +104,7 @@ def _sample_distance(
     at_point = column.density_at(height + slope * (t - near), top, falloff)
     along = ops.dot(chance, ops.mul(extinction, before)) * at_point / ops.maximum(scatters, 1e-30)
     mixed = often * ops.where(aimed, 0.5 * along + 0.5 * density, along)
-    inside = ops.scale(ops.mul((back_r, back_g, back_b), before), at_point / ops.maximum(mixed, 1e-30))
+    inside = ops.scale(ops.mul(back, before), at_point / ops.maximum(mixed, 1e-30))
     return scattered, ops.where(scattered, t, far), ops.where3(scattered, inside, factor)
 
 
@@ -117,7 +119,8 @@ def _transmit(table: Any, plain: Vec, tables: Tables, number: Lane, origin: Vec,
     sigma_r, sigma_g, sigma_b, _ = row_gather.four_at(table.extinction, number)
     height, slope = origin[1] + near * direction[1], direction[1]
     length = column.column(height, slope, zero + table.top[number], zero + table.falloff[number], far - near)
-    passed = _attenuated((zero + sigma_r, zero + sigma_g, zero + sigma_b), length)
+    plain_of = (zero + sigma_r, zero + sigma_g, zero + sigma_b), (zero, zero, zero)
+    passed = _attenuated(bodies.coefficients(table.bodies, plain_of, number, key.body)[0], length)
     return tracking.transmit(table.fields, passed, tables, table, number, (origin, direction, near, far), key)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.formula import upper_bounds
 from ...compiler.formula.tape import Tape, load_tape
-from . import aims, tracking
+from . import aims, bodies, phase_table, tracking
 
 F64 = NDArray[np.float64]
 CELLS = 32  # of a grid of majorants along its longest side
@@ -33,12 +33,14 @@ class Scattering(NamedTuple):
     scattering: F64  # (n, 4) likewise
     emission: F64  # (n, 4) radiance per metre, and 0
     anisotropy: F64  # (n,) g of the phase function
+    draine: Any  # phase_table.Draine, or NoDraine
     top: F64  # (n,) see ir.Media
     falloff: F64  # (n,)
     clear: NDArray[np.bool_]  # (materials,) invisible boundaries: index 1 on both sides, without colour
     aimed: NDArray[np.bool_]  # (n,) light samples in it find lights: distances are sampled around these, too
     aims: F64  # (k, 4) places of lights, see aims.build
     fields: Any  # tracking.Fields, or NoFields
+    bodies: Any  # bodies.Bodies, or NoBodies
     outside: NDArray[np.int64]  # (1,) stack of camera rays
     walled: NDArray[np.bool_]  # (1,) some medium has a boundary that light passes straight
 
@@ -70,7 +72,8 @@ def build(
     anisotropy[has], top[has], falloff[has] = media.anisotropy[rows[has]], media.top[rows[has]], media.falloff[rows[has]]
     return Scattering(
         **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=flags[0], aimed=flags[1],
-        fields=_fields(tables, rows, general), aims=aims.build(tables),
+        draine=phase_table.build(tables, rows, general),
+        fields=_fields(tables, rows, general), aims=aims.build(tables), bodies=bodies.none(count, general),
         outside=np.array([outside], np.int64), walled=np.array([bool(flags[0].any())]),
     )  # fmt: skip
 

@@ -42,13 +42,14 @@ class Fields(NamedTuple):
 
 
 class Key(NamedTuple):
-    """The key of the random numbers of a flight."""
+    """The path of a flight: the key of its random numbers, and the body around it."""
 
     pixel: Lane
     sample: Lane
     depth: int
     seed: int
     kind: int  # 0: of a path, 1: of a shadow ray
+    body: Any = None  # colour, and factor of the radius, where the path entered a body; see bodies.py
 
 
 class Flight(NamedTuple):

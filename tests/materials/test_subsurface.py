@@ -8,26 +8,34 @@ from maquette.compiler import ir
 from maquette.materials import subsurface, traits
 
 REST = "\ncamera([0, 1, 5])\nsun()\n"
-INVERTED = {  # colour: albedo of single scattering, mean free path over the radius; equations 7 and 8 of Chiang and others 2016
-    0.0: (0.0, 4.14),
-    0.2: (1 - np.exp(-1.018812 + 0.1044752 - 0.0345444), 2.96),
-    0.5: (1 - np.exp(-2.54703 + 0.65297 - 0.53975625), 1.715),
-    0.8: (1 - np.exp(-4.075248 + 1.6716032 - 2.2108416), 1.1),
-    1.0: (1 - np.exp(-6.80023), 1.04),
-}
+FREE_PATH = {0.0: 4.14, 0.2: 2.96, 0.5: 1.715, 0.8: 1.1, 1.0: 1.04}  # over the radius: equation 8 of Chiang and others 2016
 
 
 def grey(value: float) -> tuple[float, float, float]:
     return (value, value, value)
 
 
-@pytest.mark.parametrize("color", INVERTED)
+@pytest.mark.parametrize("color", FREE_PATH)
 @pytest.mark.parametrize("radius", [0.001, 0.02, 3.0])
-def test_the_inversion_of_a_colour(color: float, radius: float) -> None:
-    albedo, path = INVERTED[color]
+def test_the_mean_free_path_of_a_colour(color: float, radius: float) -> None:
     scattering, absorption = subsurface.coefficients(grey(color), grey(radius))
-    assert np.allclose(scattering, albedo / (path * radius), rtol=1e-6)
-    assert np.allclose(np.add(scattering, absorption), 1 / (path * radius))
+    assert np.allclose(np.add(scattering, absorption), 1 / (FREE_PATH[color] * radius))
+    assert min(absorption) >= 0.0
+
+
+def albedo_of_half_space(single: float) -> float:
+    """The share of diffuse light that a half space of even scattering sends back: 1 − 2 √(1 − ϖ) ∫ μ H(μ) dμ (Chandrasekhar 1950)."""
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    mu, weights, h = 0.5 * (nodes + 1), 0.5 * weights, np.ones(64)
+    for _ in range(500):
+        h = 1 / (np.sqrt(1 - single) + 0.5 * single * ((mu * h * weights) / (mu[:, None] + mu)).sum(axis=1))
+    return float(1 - 2 * np.sqrt(1 - single) * (h * mu * weights).sum())
+
+
+@pytest.mark.parametrize("color", [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95])
+def test_a_half_space_has_its_colour(color: float) -> None:
+    scattering, absorption = subsurface.coefficients(grey(color), grey(0.01))
+    assert albedo_of_half_space(scattering[0] / (scattering[0] + absorption[0])) == pytest.approx(color, rel=5e-3)
 
 
 def test_brighter_bodies_scatter_more() -> None:
@@ -81,7 +89,8 @@ TOLD = {
     "sphere(1, material: subsurface(rgb(1, 1.2, 1)))": (
         "warning: this subsurface reflects more light than it gets: a channel of its colour is 1.2"
     ),
-    'sphere(1, material: subsurface(image("a.png")))': "error: expected colour, got the texture `image`",
+    'sphere(1, material: subsurface(image("a.png")))': "error: there is no picture `a.png`",
+    "sphere(1, material: subsurface(scale: 0))": "error: `scale` must be more than 0, got 0",
     "sphere(1, material: subsurface(radius: 0))": "error: `radius` must be more than 0, got 0",
 }
 

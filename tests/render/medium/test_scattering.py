@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from maquette.compiler import ir
 from maquette.compiler.formula import numpy_interpreter
 from maquette.compiler.formula.builder import Builder
 from maquette.compiler.formula.opcodes import Op
-from maquette.render.medium import column, phase, scattering_table
+from maquette.compiler.lower import phase_functions
+from maquette.render.medium import column, phase, phase_table, scattering_table
+
+from ..chi2 import chi2
 
 HEIGHTS, SLOPES = st.integers(-400, 400).map(lambda k: k / 8), st.integers(-100, 100).map(lambda k: k / 100)
 
@@ -50,6 +54,62 @@ def test_the_phase_function_has_its_density_and_mean(g: float) -> None:
     edges = np.linspace(-1, 1, 200_001)
     middle = 0.5 * (edges[1:] + edges[:-1])
     assert 2 * math.pi * np.mean(phase.density(np.full(len(middle), g), middle)) * 2 == pytest.approx(1.0, abs=2e-3)
+
+
+SHAPES = [  # g, α, diameter of droplets in metres
+    (0.0, 1.0, None), (0.5, 1.0, None), (-0.6, 2.0, None), (0.9, 20.0, None), (0.0, 0.0, 5e-6), (0.0, 0.0, 2e-5), (0.0, 0.0, 5e-5),
+]  # fmt: skip
+
+
+def draine(shape: tuple[float, ...]) -> phase_table.Draine:
+    """The table of a medium, after one of Henyey and Greenstein."""
+    media = ir.table_of("media", {"draine": np.array([np.zeros(4), shape])})
+    table = phase_table.build(ir.empty_tables()._replace(media=media), np.array([0, 1]))
+    assert isinstance(table, phase_table.Draine)
+    return table
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_phase_functions_of_draine_are_normalised_and_have_their_mean(shape: tuple[float, float, float | None]) -> None:
+    mean, parameters = phase_functions.of(*shape)
+    versine = 2.0 * np.expm1(25.0 * np.linspace(0.0, 1.0, 1_000_001)) / np.expm1(25.0)
+    versine = np.union1d(versine, 2.0 - versine)
+    density = phase_table.density(draine(parameters), np.zeros(1), np.ones(len(versine), int), 1.0 - versine)
+    whole, cosine = (2.0 * math.pi * np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(versine)) for y in (density, density * (1.0 - versine)))
+    assert whole == pytest.approx(1.0, abs=1e-5)
+    assert cosine == pytest.approx(mean, abs=1e-5)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_samples_of_draine_have_their_density(shape: tuple[float, float, float | None]) -> None:
+    table, rng, n = draine(phase_functions.of(*shape)[1]), np.random.default_rng(2), 60_000
+    number, up = np.ones(n, int), (np.zeros(n), np.ones(n), np.zeros(n))
+    onward, weight, density = phase_table.sample(table, (up, np.ones(n), np.ones(n)), number, up, rng.random(n), rng.random(n))
+    assert np.allclose(density, phase_table.density(table, np.ones(n), number, onward[1]), rtol=1e-6)
+    assert weight.mean() == pytest.approx(1.0, abs=2e-3)
+    assert 0.2 < weight.min() <= weight.max() < 4.0
+    assert (weight * onward[1]).mean() == pytest.approx(phase_functions.of(*shape)[0], abs=6e-3)
+
+    def value(directions: tuple[np.ndarray, ...]) -> np.ndarray:
+        y = directions[1]
+        return np.asarray(phase_table.density(table, np.ones(y.size), np.ones(y.size, int), y.ravel())).reshape(y.shape)
+
+    if shape[2] is None or shape[2] < 1e-5:  # of larger droplets the peak is narrower than the cells' nodes
+        chi2(onward, np.ones(n, bool), value, fine=64)
+    versine = 2.0 * np.expm1(25.0 * np.linspace(0.0, 1.0, 100_001)) / np.expm1(25.0)
+    middle = 0.5 * (versine[1:] + versine[:-1])
+    inside = 2.0 * math.pi * np.cumsum(value((middle, 1.0 - middle)) * np.diff(versine))
+    for v in (1e-5, 1e-4, 1e-3, 0.03, 0.3, 1.0, 1.7):
+        assert np.mean(weight * (1.0 - onward[1] < v)) == pytest.approx(inside[np.searchsorted(middle, v)], abs=0.008)
+
+
+def test_droplets_become_sharper_with_their_size() -> None:
+    """And a medium of Henyey and Greenstein beside them is left alone."""
+    blends = [draine(phase_functions.of(0.0, 0.0, d)[1]) for d in (5e-6, 2e-5, 5e-5)]
+    peaks = [phase_table.density(blend, np.zeros(1), np.array([1]), np.ones(1))[0] for blend in blends]
+    assert peaks[0] < peaks[1] < peaks[2]
+    media = draine(phase_functions.of(0.0, 1.0, None)[1])
+    assert phase_table.density(media, np.full(1, 0.7), np.array([0]), np.ones(1))[0] == 0.7
 
 
 def test_majorants_of_voxels_hold() -> None:

@@ -20,6 +20,8 @@ def medium_of(out: Export, material: int) -> MediumData | None:
         return None
     if media.emission[row].max() > 0.0:
         out.cannot(losses.MEDIUM_EMISSION, "media", row)
+    if media.draine[row, 3] > 0.0:
+        out.cannot(losses.PHASE, "media", row)
     if media.priority[row] > 0.0:
         out.cannot(losses.PRIORITY, "media", row)
     return MediumData(as_color(media.scattering[row]), as_color(media.absorption[row]), anisotropy=float(media.anisotropy[row]))

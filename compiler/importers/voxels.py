@@ -32,13 +32,19 @@ def row(builder: SceneBuilder, path: Path, slices: int | None, span: Span | None
         texels[..., :3] = voxels.reshape(-1, voxels.shape[2], 1)
         return builder.image(texels, str(path))
 
-    if path.suffix.lower() in _VOLUMES:
-        hint = "save its densities as an array with numpy.save(\"smoke.npy\", array), array[z, y, x]"
-        raise ImageError(f"{path.suffix} files are not read", hint)
+    refuse(path.name)
     if path.suffix.lower() == ".npy" and slices is not None:
         raise ImageError("an array has its own number of slices", "leave out `slices`")
     image_row = builder.shared(key, image)
     return image_row, builder.shared((*key, "slices"), lambda: depth[0])
+
+
+def refuse(name: str) -> None:
+    """Raise ImageError for files of volumes that are not read."""
+    suffix = Path(name).suffix.lower()
+    if suffix in _VOLUMES:
+        how = "two lines of Python with pyopenvdb write its grid as an array: docs/media.md has them" if "vdb" in suffix else ""
+        raise ImageError(f"{suffix} files are not read", how or 'save its densities with numpy.save("smoke.npy", array), array[z, y, x]')
 
 
 def _array(path: Path, limit: int) -> np.ndarray:

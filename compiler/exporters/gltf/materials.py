@@ -63,6 +63,8 @@ class Materials:
     def _document(self, exported: Exported) -> dict[str, Any]:
         if exported.body:  # its colour is in the medium
             exported = exported._replace(diffuse_transmission=Input(WHITE))
+            if exported.surface.diffuse.texture >= 0:
+                self.out.cannot(losses.BODY_COLOR, "textures", exported.surface.diffuse.texture)
         share = 1.0 if exported.body else self._passing_share(exported)
         if share > 0.0:
             diffuse = exported.surface.diffuse

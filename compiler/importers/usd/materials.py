@@ -24,10 +24,11 @@ from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, Textu
 from .. import images
 from ..common import uv_sets, vertex_numbers
 from ..common.replacements import Replacements
-from . import materialx, stage
+from . import stage
 from .assets import Asset, asset, contents
 from .audit import Audit
 from .network import Fit, Network, Picture, Primvar
+from .shaders import materialx, scattering
 from .stage import Opened, Warnings, primvar_mean
 
 DISPLAY_COLOR, DISPLAY_OPACITY = "displayColor", "displayOpacity"
@@ -111,6 +112,9 @@ class Materials:
         if kind in materialx.MODELS:
             mapped = materialx.surface(shader, kind, self._source, lambda message: self.tell(message, shader.GetPrim()))
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **mapped, "displacement": 0.0})
+        if kind == scattering.GRAPH:
+            graph = scattering.Graph(self._source, lambda message: self.tell(message, shader.GetPrim()))
+            return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **graph.read(shader), "displacement": 0.0})
         if kind not in materialx.PREVIEW:
             self.tell(f"the surface shader `{kind}` is not drawn: its prims show their displayColor", prim)
             return None
@@ -254,7 +258,14 @@ class Materials:
             sheen=self._color(i.get("sheenColor", BLACK), BLACK, prim),
             sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), transmission=0.0, name=network.name, **numbers,
         )  # fmt: skip
-        return self.builder.material(metallic_roughness.material(surface), Span(f"{self.opened.name}<{network.path}>"))
+        span = Span(f"{self.opened.name}<{network.path}>")
+        if not i.keys() & {"subsurface", "transmissionColor"}:
+            return self.builder.material(metallic_roughness.material(surface), span)
+        lengths = tuple(self.opened.meters_per_unit * length for length in i.get("subsurfaceRadius", WHITE))
+        body = i.get("subsurface", 0.0), self._color(i.get("subsurfaceColor", WHITE), WHITE, prim), lengths
+        sheet = self._color(i["transmissionColor"], BLACK, prim) if "transmissionColor" in i else None
+        thin = bool(i.get("thinWalled", False))
+        return scattering.row(self.builder, surface, body, sheet, thin, span, lambda message: self.tell(message, prim))
 
     def _color(self, source: Any, fallback: Color, prim: Any) -> Input:
         if isinstance(source, Picture):

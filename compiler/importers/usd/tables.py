@@ -41,7 +41,8 @@ PRIM_TYPES = Table(
         "LODDistanceHeuristic LODScreenSizeHeuristic": "read by LODRootAPI",
     },
     not_drawn={
-        "Volume ParticleField ParticleField3DGaussianSplat": "",
+        "Volume": "write its grid as an array (docs/media.md says how), and fill a box with medium(density: volume(…))",
+        "ParticleField ParticleField3DGaussianSplat": "",
         "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter": "",
         "GenerativeProcedural": "its program is not run",
     },
@@ -167,8 +168,12 @@ SHADERS = Table(
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
         "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader ND_gltf_pbr_surfaceshader arnold:standard_surface": (
             "base colour, metalness, roughness, index of refraction, coat, sheen (of open_pbr none), emission, opacity, normal; "
-            "under outputs:mtlx:surface too"
+            "subsurface as `subsurface`, blended by its weight, thin walls as `translucent`; under outputs:mtlx:surface too"
         ),
+        "ND_surface ND_layer_bsdf ND_mix_bsdf ND_add_bsdf ND_multiply_bsdfF ND_multiply_bsdfC": "graphs of the BSDFs below",
+        "ND_oren_nayar_diffuse_bsdf ND_burley_diffuse_bsdf": "as Lambert's",
+        "ND_translucent_bsdf ND_subsurface_bsdf": "as `translucent` and `subsurface`",
+        "ND_dielectric_bsdf": "reflection",
         "ND_UsdPreviewSurface_surfaceshader ND_UsdUVTexture ND_UsdTransform2d ND_UsdPrimvarReader_*": "as those of USD",
         "ND_image_* ND_tiledimage_*": "pictures with address modes and the colour space of the file's metadata",
         "ND_texcoord_* ND_geompropvalue_* ND_place2d_vector2": "",

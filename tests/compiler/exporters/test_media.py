@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import ir, load
 from maquette.lang.diagnostics import Diagnostics
+from maquette.materials import losses
 
 SCENE = """\
 sphere(1, medium: medium(scattering: 2, absorption: [0.1, 0.2, 0.5]))
@@ -57,6 +58,30 @@ def test_gltf_carries_homogeneous_media_and_bodies(tmp_path: Path) -> None:
     models = after.tables.materials.model[after.tables.instances.material].tolist()
     assert models == [ir.MaterialModel.GLASS, ir.MaterialModel.GLASS, ir.MaterialModel.SUBSURFACE]
     assert after.tables.instances.visible.tolist() == before.tables.instances.visible.tolist() == [5, 7, 7]
+
+
+def test_gltf_carries_highlights_and_colours_of_bodies(tmp_path: Path) -> None:
+    text = "sphere(1, material: subsurface(#e0b080, radius: [5cm, 2cm, 1cm], roughness: 0.3, ior: 1.4))\n" + SCENE[SCENE.index("point") :]
+    path, lost = converted(tmp_path, text, "a.glb")
+    before, after = load.load(tmp_path / "a.scene"), load.load(path)
+    first, second = (scene.tables.materials for scene in (before, after))
+    rows = [int(scene.tables.instances.material[0]) for scene in (before, after)]
+    assert (lost, second.model[rows[1]]) == ([], ir.MaterialModel.SUBSURFACE)
+    for slot, off in ((ir.Slot.IOR, 1e-6), (ir.Slot.ROUGHNESS, 1e-6), (ir.Slot.AMBIENT, 5e-3)):
+        assert np.allclose(first.values[rows[0], slot], second.values[rows[1], slot], atol=off)
+    for column, off in HOMOGENEOUS.items():
+        assert np.allclose(getattr(before.tables.media, column), getattr(after.tables.media, column), rtol=1e-4, atol=off)
+
+
+@pytest.mark.parametrize(
+    ("material", "message"),
+    [
+        ("material: subsurface(checker(#ffffff, #000000))", losses.BODY_COLOR),
+        ("medium: medium(scattering: 1, droplet: 20um)", losses.PHASE),
+    ],
+)
+def test_gltf_tells_of_textures_and_phase_functions(tmp_path: Path, material: str, message: str) -> None:
+    assert message in converted(tmp_path, f"sphere(1, {material})\n" + SCENE[SCENE.index("point") :], "a.glb")[1]
 
 
 def test_scattering_without_a_way_in_is_told(tmp_path: Path) -> None:

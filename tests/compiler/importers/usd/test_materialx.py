@@ -23,8 +23,8 @@ def Mesh "thing" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
 STANDARD = "ND_standard_surface_surfaceshader"
 
 
-def drawn(tmp_path, inputs, kind=STANDARD, nodes="", context="mtlx:"):
-    return read(tmp_path, STAGE.format(context=context, kind=kind, inputs=inputs, nodes=nodes, square=SQUARE))
+def drawn(tmp_path, inputs, kind=STANDARD, nodes="", context="mtlx:", header=""):
+    return read(tmp_path, STAGE.format(context=context, kind=kind, inputs=inputs, nodes=nodes, square=SQUARE), header)
 
 
 @pytest.mark.parametrize("context", ["mtlx:", ""])

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ... import ir
+from .... import ir
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,7 @@ class Model:
 
     inputs: dict[str, tuple[str, Any]]
     weights: dict[str, tuple[str, float]] = field(default_factory=dict)
+    body: dict[str, tuple[str, Any]] = field(default_factory=dict)  # where light scatters inside: see scattering.py
 
 
 _STANDARD = Model(
@@ -31,6 +32,10 @@ _STANDARD = Model(
         "sheenColor": ("sheen_color", (1.0, 1.0, 1.0)), "sheenRoughness": ("sheen_roughness", 0.3),
     },
     {"diffuseColor": ("base", 1.0), "emissiveColor": ("emission", 0.0), "sheenColor": ("sheen", 0.0)},
+    {
+        "weight": ("subsurface", 0.0), "color": ("subsurface_color", (1.0, 1.0, 1.0)), "radius": ("subsurface_radius", (1.0, 1.0, 1.0)),
+        "scale": ("subsurface_scale", 1.0), "anisotropy": ("subsurface_anisotropy", 0.0), "thin": ("thin_walled", False),
+    },
 )  # fmt: skip
 MODELS = {
     "ND_standard_surface_surfaceshader": _STANDARD,
@@ -42,6 +47,11 @@ MODELS = {
             "emissiveColor": ("emission_color", (1.0, 1.0, 1.0)), "opacity": ("geometry_opacity", 1.0), "normal": ("geometry_normal", None),
         },
         {"diffuseColor": ("base_weight", 1.0), "emissiveColor": ("emission_luminance", 0.0)},
+        {
+            "weight": ("subsurface_weight", 0.0), "color": ("subsurface_color", (0.8, 0.8, 0.8)), "radius": ("subsurface_radius", 1.0),
+            "scale": ("subsurface_radius_scale", (1.0, 0.5, 0.25)), "anisotropy": ("subsurface_scatter_anisotropy", 0.0),
+            "thin": ("geometry_thin_walled", False),
+        },
     ),
     "ND_gltf_pbr_surfaceshader": Model(
         {
@@ -87,10 +97,32 @@ def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None])
         inputs["opacity"] = float(np.mean(inputs["opacity"]))
     inputs["opacityMode"] = "presence"  # the opacity of these models covers highlights, too
     read = {source_name for source_name, _ in model.inputs.values()} | {source_name for source_name, _ in model.weights.values()}
+    if model.body:
+        read |= {source_name for source_name, _ in model.body.values()}
+        inputs |= _body(shader, model, source, tell)
     for shader_input in shader.GetInputs():
         if str(shader_input.GetBaseName()) not in read:
             tell(f"the input `{shader_input.GetBaseName()}` of {kind} is not drawn")
     return inputs
+
+
+def _body(shader: Any, model: Model, source: Source, tell: Callable[[str], None]) -> dict[str, Any]:
+    """The inputs of a surface of which a share is a body, or a thin wall that light passes; none where the weight is 0."""
+    values = {name: source(shader.GetInput(source_name), default) for name, (source_name, default) in model.body.items()}
+    for name in ("weight", "radius", "scale", "anisotropy"):
+        source_name, default = model.body[name]
+        if hasattr(values[name], "times") or hasattr(values[name], "fallback"):
+            tell(f"the input `{source_name}` is drawn only as a number: its default is drawn")
+            values[name] = default
+    if not np.mean(values["weight"]) > 0.0:
+        return {}
+    if values["anisotropy"]:
+        tell(f"the input `{model.body['anisotropy'][0]}` is not drawn: light scatters evenly inside of bodies")
+    lengths = np.broadcast_to(np.array(values["radius"], float), 3) * np.broadcast_to(np.array(values["scale"], float), 3)
+    return {
+        "subsurface": float(np.mean(values["weight"])), "subsurfaceColor": values["color"], "subsurfaceRadius": tuple(lengths.tolist()),
+        "thinWalled": bool(values["thin"]),
+    }  # fmt: skip
 
 
 def _scaled(value: Any, weight: float) -> Any:

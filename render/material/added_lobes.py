@@ -58,6 +58,11 @@ def _make(head: str, before: Sequence[str], branch: Sequence[str], after: str) -
     return helper(scope[head[4 : head.index("(")]])
 
 
+_without = _make(
+    "def added_without(added, plain, hidden):", (), (), "return (" + "".join(
+        f"AddedLobe(added[{n}].here & ops.not_(hidden), added[{n}].inputs), " for n in range(len(ADDED))
+    ) + ")",
+)  # fmt: skip
 _at = _make(
     "def added_at(tables, surface):", ("model = tables.materials.model[surface.material]", "no = ops.bool_like(surface.offset, False)"), (),
     "return (" + "".join(
@@ -108,6 +113,7 @@ value = specialize_if_present(_value)  # `plain` and π f cos of the lobes: norm
 density = specialize_if_present(_density)  # `plain` and the densities of `draw`, each times its chance; directions as for `value`
 chance = specialize_if_present(_chance)  # `plain` and the albedos of the lobes: normal, viewer
 draw = specialize_if_present(_draw)  # a direction: normal, viewer, u, v, and a number from 0 to `chance`; `plain` for other numbers
+without = specialize_if_present(_without)  # (lobes, None, mask): the lobes, but for those of a mask
 or_has = specialize_if_present(_or_has)  # the condition, or that there is a lobe
 or_through = specialize_if_present(_or_through)  # the condition, or that there is a lobe that scatters light to the other side
 

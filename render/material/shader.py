@@ -85,6 +85,7 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
         normalized = no | tables.materials.normalized[surface.material]
         if ops.any_lane(normalized):
             strength = ops.where(normalized, lobe_scale(blinn, shininess), strength)
+    added = added_lobes.at(tables, surface)
     if uses.sharp:
         reflection = color_of(tables, surface, REFLECTION)
         transmission = color_of(tables, surface, TRANSMISSION)
@@ -93,12 +94,13 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
         ior = medium_stack.relative_ior(inside, ior, tables, surface)
         hidden = medium_stack.is_ignored(inside, no, tables, surface)
         transmission = ops.where3(hidden, (zero + 1.0, zero + 1.0, zero + 1.0), transmission)
+        added = added_lobes.without(added, None, hidden)
     if uses.shines:
         emission = color_of(tables, surface, EMISSION)
     diffuse = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     plain = Shader(
         ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None,
-        added_lobes.at(tables, surface), None,
+        added, None,
     )  # fmt: skip
     plain = _with_lobes(principled.at(tables, surface), plain)
     plain = _with_coat(body_coat.at(tables, surface, inside), plain)

@@ -87,3 +87,12 @@ def test_backends_agree_on_highlights(tmp_path: Path) -> None:
     text += "sphere(1, material: subsurface(#c08060, radius: 40cm, roughness: 0.3))\n"
     ray, reference = (seen(tmp_path, text, samples=16, bounces=30, backend=backend) for backend in ("ray", "reference"))
     assert reference == pytest.approx(ray, rel=2e-3)
+
+
+def test_overlapping_bodies_add_no_light(tmp_path: Path) -> None:
+    """Where bodies overlap, the boundary of the one that does not count is passed once; glass elsewhere makes kernels ask for that."""
+    balls = "".join(f"sphere(0.8, center: [{x}, 0, 0], material: subsurface(#ffffff, radius: 30cm{more}))\n" for x, more in (
+        (-0.3, ""), (0.3, ", priority: 1"), (0, ", roughness: 0.3"),
+    ))  # fmt: skip
+    text = LOOK.replace("0.2deg", "20deg") + SKY + "sphere(0.1, center: [0, 0, 9], material: glass())\n" + balls
+    assert seen(tmp_path, text, samples=512)[:3] == pytest.approx(1.0, abs=0.012)

@@ -118,10 +118,9 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     """(what carries caustics: "photons", "paths" or "none"; the reason; the possible values)."""
     chance = CARRIERS[1:]
     mirrors = gathering(tables)
-    if not mirrors.any() or not (traits.receives_caustics(tables) & traits.used(tables)).any():
-        return "paths", "nothing casts caustics onto diffuse surfaces", chance
-    if traits.participates(tables):
-        return "paths", "light scatters inside of media: photons do not", chance
+    in_media = bool((tables.media.scattering > 0.0).any())
+    if not mirrors.any() or not (in_media or (traits.receives_caustics(tables) & traits.used(tables)).any()):
+        return "paths", f"nothing casts caustics onto diffuse surfaces{' or into media' if traits.participates(tables) else ''}", chance
     if transport != "path":
         return "none", "Whitted ray tracing has direct light alone on diffuse surfaces: write --bounces", ("none",)
     if backend != "ray":

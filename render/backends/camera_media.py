@@ -1,4 +1,4 @@
-"""Media around the camera: the closed shapes that it stands inside of."""
+"""Media around the camera and around lights: the closed shapes that they stand inside of."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ def around(tables: ir.Tables, camera: int) -> tuple[int, ...]:
     """The materials of the shapes with media around a camera, the outermost first."""
     if not traits.participates(tables):
         return ()
-    instances = tables.instances
-    bounds_medium = (tables.materials.medium[instances.material] >= 0) | traits.participating(tables)[instances.material]
-    kept = ir.Instances(*(column[bounds_medium] for column in instances))
+    bounds_medium = (tables.materials.medium >= 0) | traits.participating(tables)
+    return around_place(tables, bounds_medium, tables.transforms.matrix[tables.cameras.transform[camera], :, 3])
+
+
+def around_place(tables: ir.Tables, bounds_medium: np.ndarray, eye: np.ndarray) -> tuple[int, ...]:
+    """The materials of the shapes around a point, the outermost first, of those materials (n,) that bound media."""
+    kept = ir.Instances(*(column[bounds_medium[tables.instances.material]] for column in tables.instances))
     if not len(kept.geometry):
         return ()
     tables = tables._replace(instances=kept)
-    eye = tables.transforms.matrix[tables.cameras.transform[camera], :, 3]
     way = np.array(WAY) / np.linalg.norm(WAY)
     ones = np.ones(1)
     origin, direction = tuple(ones * x for x in eye), tuple(ones * x for x in way)

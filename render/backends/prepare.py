@@ -23,7 +23,7 @@ from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whi
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
 from ..light import dome_spots, environment_map, links
-from ..material import principled
+from ..material import medium_stack, principled
 from ..sampling import sobol
 from ..simd import target
 from ..surface import texture_footprint
@@ -206,10 +206,37 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
     aims = targets.photon_targets(tables, light.emitters, spots, photon_emitters)
     if aims is None:
         return light, None
+    aims = aims._replace(inside=_emitter_stacks(tables, light.emitters, photon_emitters))
     gains = caustic_casters.gains(tables) * (traits.narrow_highlights(tables) > 0.0)[tables.instances.material]
     caustic_reflectance = gains if gains.any() else photon_map.NoMaps()
-    light = light._replace(photons=photon_map.empty(kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance)
+    light = light._replace(photons=_no_photons(tables, kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance)
     return light._replace(spots=spots), aims
+
+
+def _no_photons(tables: ir.Tables, kind: type) -> Any:
+    """Maps without photons, with those of media in scenes with scattering ones."""
+    from ..integrator import photon_map, photon_volume
+
+    maps = photon_map.empty(kind)
+    return maps if medium_stack.scattering(tables) is None else maps._replace(volume=photon_volume.empty(kind))
+
+
+def _emitter_stacks(tables: ir.Tables, emitters: Any, chosen: np.ndarray) -> Any:
+    """The medium stacks where emitters are, for photons; see photons.media.stacks."""
+    from ..integrator.photons import aims, media
+
+    if medium_stack.scattering(tables) is None:
+        return aims.NoStacks()
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    outside = 1 if tables.media.everywhere.any() else 0
+
+    def search(place: np.ndarray) -> int:
+        stack = np.int64(outside)
+        for row in camera_media.around_place(tables, table.number > 0, place):
+            stack = medium_stack.push(stack, np.int64(table.number[row]))
+        return int(stack)
+
+    return media.stacks(emitters, chosen, outside, search)
 
 
 def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
@@ -218,7 +245,7 @@ def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
 
     absent = photon_map.NoMaps
     return light._replace(
-        photons=photon_map.empty(kind) if isinstance(light.photons, absent) else light.photons,
+        photons=_no_photons(tables, kind) if isinstance(light.photons, absent) else light.photons,
         photon_emitters=np.zeros(len(light.emitters.kind), bool) if isinstance(light.photon_emitters, absent) else light.photon_emitters,
         caustic_reflectance=np.zeros(len(tables.instances.geometry))
         if isinstance(light.caustic_reflectance, absent)

@@ -32,8 +32,8 @@ def facing(inputs: PathInputs, point: Surface, shader: Shader, event: Any) -> An
 
 
 @helper
-def _on_mirror(inputs: PathInputs, row: Any, path: PathState, shader: Shader) -> Lane:
-    return photon_covers_mirror(inputs.photon_emitters, row, path, shader)
+def _on_mirror(inputs: PathInputs, row: Any, path: PathState, shading: ShadingContext) -> Lane:
+    return flights.surfaces(shading.event, photon_covers_mirror(inputs.photon_emitters, row, path, shading.shader))
 
 
 @helper
@@ -88,7 +88,7 @@ def _choose_emitter(
             here
             & (ops.not_(ending) | is_lamp)
             & ops.not_(lit & is_lamp)
-            & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, 0, path, shader), 0, arriving.direction))
+            & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, 0, path, shading), 0, arriving.direction))
         )
         weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
         return 0, zero + 1.0, arriving, here, weighed, shadows
@@ -97,7 +97,7 @@ def _choose_emitter(
     arriving = _sample_media(table.media, arriving, inputs, row, place, (u, v), index)
     lamp = table.light[row] >= 0
     here = here & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | lamp) & ops.not_(lit & lamp)
-    here = here & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, row, path, shader), row, arriving.direction))
+    here = here & ops.not_(dome_spots.only_in_spots(inputs.spots, _on_mirror(inputs, row, path, shading), row, arriving.direction))
     chance = ops.where(chance > 0.0, chance, 1.0)
     return row, chance, arriving, here, table.weighed[row], table.shadows[row]
 

@@ -19,7 +19,7 @@ from ..material.shader import ONLY, evaluate_shader_filtered
 from ..simd.registration import overload
 from ..surface import blend, interaction, normal_map
 from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
-from . import flights, gouraud, photon_map
+from . import flights, gouraud, photon_map, photon_volume
 from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
 from .path_state import (
@@ -89,8 +89,8 @@ def shade_vertex(
         return sent, connection, path, nothing, Vertex(shading, ended, photon_map.no_estimate(inputs.photons, shading))
     lit, interpolated = vertex_light(inputs.vertices, tables, point, hit, surfaces)
     sent = _add_local(tables, inputs, options.links, sent, shading, path, surfaces, lit, interpolated)
-    gathers, base = here & (path.phase < photon_map.MATT), splits_lobe(inputs.photons, path.phase, shader)
-    gathered = photon_map.estimate(inputs.photons, shading, uses, path.weight, gathers, base, direct.sample, photon_number(direct))
+    base = flights.surfaces(event, splits_lobe(inputs.photons, path.phase, shader))
+    gathered = _gather(inputs, shading, path, here, surfaces, base, direct)
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces
@@ -113,6 +113,16 @@ def shade_vertex(
     onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe)
     onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
     return sent, connection, onward, going, Vertex(shading, scattered, gathered)
+
+
+@helper
+def _gather(
+    inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, surfaces: Lane, base: Lane, direct: PathSample
+) -> Any:  # fmt: skip
+    """The light of photons near the vertices of a mask, some of which are surfaces."""
+    gathers, number = surfaces & (path.phase < photon_map.MATT), photon_number(direct)
+    gathered = photon_map.estimate(inputs.photons, shading, inputs.uses, path.weight, gathers, base, direct.sample, number)
+    return photon_volume.at_collisions(photon_volume.of(inputs.photons), gathered, shading, path, here, direct)
 
 
 @helper
@@ -162,6 +172,7 @@ def _continue(
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, scattered.direction)
     covered = photon_covers_lobe(inputs.caustic_reflectance, point, shader)
     phase = photon_map.phase_after(inputs.photons, path.phase, shader, scattered.density >= ONLY, covered, lobe)
+    phase = photon_volume.phase_after(photon_volume.of(inputs.photons), phase, shading)
     on_surface = flights.or_scattered(shading.event, bsdf.scatters_through(shader, scattered.density >= ONLY))
     place = ops.where3(on_surface, point.position, interaction.shadow_origin(point))  # the origin of shadow rays: equal both ways
     origin = interaction.offset_origin_at(point, place, scattered.direction)

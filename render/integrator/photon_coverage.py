@@ -17,7 +17,7 @@ from ..material.bsdf import Scattered
 from ..material.shader import ONLY, Shader
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
-from . import photon_map
+from . import flights, photon_map
 from .path_state import PathState
 from .records import ShadingContext
 
@@ -96,7 +96,7 @@ def _exclude(
 ) -> tuple[Vec, Lane]:  # fmt: skip
     point, shader = shading.point, shading.shader
     alone = (path.phase >= photon_map.CLEAN) & photon_emitters[row] & photon_covers_lobe(caustic_reflectance, point, shader)
-    alone = dome_spots.only_in_spots(spots, alone, row, direction)
+    alone = dome_spots.only_in_spots(spots, flights.surfaces(shading.event, alone), row, direction)
     if ops.any_lane(alone):
         share = ops.where3(alone, bsdf.eval_diffuse(shader, point.normal, direction, shading.viewer), share)
     return share, alone

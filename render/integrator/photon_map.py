@@ -47,8 +47,7 @@ LOBE, PAST_LOBE, MATT, CLEAN, BESIDE = 1.75, 1.875, 2.0, 3.0, 5.0  # phases of a
 LANES, LISTED = 16, 64  # most lanes of a vector; photons that are listed for each before their light is added
 LISTS = LANES * LISTED
 WIDER = 1.001  # of the squared radius, by which photons are listed: rounding errors there do not matter
-_BITS = 0x7FFFFFFF
-_PX, _PY, _PZ, _PL = 73856093, 19349663, 83492791, 40503 * 9973
+_BITS, _PX, _PY, _PZ, _PL = 0x7FFFFFFF, 73856093, 19349663, 83492791, 40503 * 9973
 
 
 class NoMaps(NamedTuple):
@@ -69,6 +68,7 @@ class Maps(NamedTuple):
     inverse: NDArray[np.float64]  # (n,) 1 / r², negative of photons for diffuse surfaces alone
     origin: NDArray[np.float64]  # (3,)
     cells: NDArray[np.float64]  # (LEVELS,) 1 / width
+    volume: Any = NoMaps()  # photon_volume.Volume in scenes with scattering media
 
 
 class Lists(NamedTuple):
@@ -158,25 +158,25 @@ def _sort(rows, number, first, near, maps):
     size = np.int64(16)
     while size < 2 * n:
         size *= 2
-    _choose_radii(rows, near, maps.cells, np.zeros(size, np.int32), level, radius)
+    choose_radii(rows, near, maps.cells, np.zeros(size, np.int32), level, radius)
     start, slots, cells = maps.start, maps.slots, maps.cells
     base = number * (slots + 1)
     for i in range(n):
-        start[base + _slot(_key(level[i], *_cell(rows, i, cells[level[i]])), slots) + 1] += 1
+        start[base + slot_of(cell_key(level[i], *cell_of(rows, i, cells[level[i]])), slots) + 1] += 1
     start[base] = first
     for s in range(slots):
         start[base + s + 1] += start[base + s]
     cursor = start[base : base + slots].copy()
     for i in range(n):
-        key = _key(level[i], *_cell(rows, i, cells[level[i]]))
-        slot = _slot(key, slots)
+        key = cell_key(level[i], *cell_of(rows, i, cells[level[i]]))
+        slot = slot_of(key, slots)
         _store(rows, i, radius[i], maps, cursor[slot], key)
         cursor[slot] += 1
-        _mark(rows, i, radius[i], maps, number, level[i])
+        mark_levels(rows, i, radius[i], maps, number, level[i])
 
 
 @helper
-def _choose_radii(rows: Any, near: float, cells: Any, counts: Any, level: Any, radius: Any) -> None:
+def choose_radii(rows: Any, near: float, cells: Any, counts: Any, level: Any, radius: Any) -> None:
     """Write the level and radius of each photon: of the finest cells with ENOUGH photons, and with `near`.
 
     `counts` is a buffer, a power of two long.
@@ -186,11 +186,11 @@ def _choose_radii(rows: Any, near: float, cells: Any, counts: Any, level: Any, r
         fine = LEVELS - 1 - step
         counts[:] = 0
         for i in range(n):
-            counts[_slot(_key(fine, *_cell(rows, i, cells[fine])), size)] += 1
+            counts[slot_of(cell_key(fine, *cell_of(rows, i, cells[fine])), size)] += 1
         left = 0
         for i in range(n):
             if level[i] < 0:
-                there = counts[_slot(_key(fine, *_cell(rows, i, cells[fine])), size)]
+                there = counts[slot_of(cell_key(fine, *cell_of(rows, i, cells[fine])), size)]
                 if there >= enough or fine == 0:
                     level[i] = fine
                     radius[i] = 0.5 / cells[fine] * math.sqrt(min(1.0, near / there))
@@ -213,31 +213,31 @@ def _store(rows: Any, i: int, r: float, maps: Any, k: int, key: int) -> None:
 
 
 @helper
-def _mark(rows: Any, i: int, r: float, maps: Any, number: int, level: int) -> None:
+def mark_levels(rows: Any, i: int, r: float, maps: Any, number: int, level: int) -> None:
     """Set a level's bit in the coarse cells that the box around photon i reaches into."""
     inverse = maps.cells[0]
     for corner in range(8):
         x = np.int64(math.floor((rows[i, 0] + (r if corner & 1 else -r)) * inverse))
         y = np.int64(math.floor((rows[i, 1] + (r if corner & 2 else -r)) * inverse))
         z = np.int64(math.floor((rows[i, 2] + (r if corner & 4 else -r)) * inverse))
-        maps.present[number * PRESENCE + _slot(_key(0, x, y, z), PRESENCE)] |= np.int32(1 << level)
+        maps.present[number * PRESENCE + slot_of(cell_key(0, x, y, z), PRESENCE)] |= np.int32(1 << level)
 
 
 @helper
-def _cell(rows: Any, i: int, inverse: float) -> Any:
+def cell_of(rows: Any, i: int, inverse: float) -> Any:
     return (
         np.int64(math.floor(rows[i, 0] * inverse)), np.int64(math.floor(rows[i, 1] * inverse)), np.int64(math.floor(rows[i, 2] * inverse)),
     )  # fmt: skip
 
 
 @helper
-def _key(level: Lane, x: Lane, y: Lane, z: Lane) -> Lane:
+def cell_key(level: Lane, x: Lane, y: Lane, z: Lane) -> Lane:
     """A cell's hash, of 31 bits, which are the same in 32-bit and 64-bit arithmetic."""
     return ((x * _PX) ^ (y * _PY) ^ (z * _PZ) ^ (level * _PL)) & _BITS
 
 
 @helper
-def _slot(key: Lane, count: int) -> Lane:
+def slot_of(key: Lane, count: int) -> Lane:
     return (key ^ (key >> 15)) & (count - 1)
 
 
@@ -323,8 +323,8 @@ def _gather_levels(maps, shading, uses, weight, here, diffuse_only, sample, rand
     position = shading.point.position
     x = (position[0] - maps.origin[0], position[1] - maps.origin[1], position[2] - maps.origin[2])
     wide = maps.cells[0]
-    coarse = _key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
-    there = ops.where(here, maps.present[number * PRESENCE + _slot(coarse, PRESENCE)], 0)
+    coarse = cell_key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
+    there = ops.where(here, maps.present[number * PRESENCE + slot_of(coarse, PRESENCE)], 0)
     base = number * (maps.slots + 1)
     lists = Lists(simd.stack_array(np.int32, LISTS), simd.stack_array(np.int32, LANES))
     for k in range(LANES):
@@ -341,8 +341,8 @@ def _gather_levels(maps, shading, uses, weight, here, diffuse_only, sample, rand
                     continue
                 place, normal, cell = crosslane.lane3(x, k), crosslane.lane3(shading.point.geometric, k), crosslane.lane3(low, k)
                 for corner in range(8):
-                    key = _key(level, cell[0] + (corner & 1), cell[1] + ((corner >> 1) & 1), cell[2] + (corner >> 2))
-                    slot = crosslane.lane(base, k) + _slot(key, maps.slots)
+                    key = cell_key(level, cell[0] + (corner & 1), cell[1] + ((corner >> 1) & 1), cell[2] + (corner >> 2))
+                    slot = crosslane.lane(base, k) + slot_of(key, maps.slots)
                     at, end = maps.start[slot], maps.start[slot + 1]
                     while at < end:
                         full = _list_near(maps, at, end, key, place, normal, x[0], lists, k)
@@ -394,14 +394,14 @@ def _add_listed(maps, chosen, shading, uses, weight, diffuse_only, x, lists):
     for k in range(crosslane.reduce_max(counts)):
         mine = counts > k
         row = ops.where(mine, lists.rows[base + k], 0)
-        chosen = _choose(chosen, row, _photon_light(maps, row, mine, lookup))
+        chosen = choose_photon(chosen, row, _photon_light(maps, row, mine, lookup))
     for k in range(LANES):
         lists.counts[k] = 0
     return chosen
 
 
 @helper
-def _choose(chosen: Chosen, row: Lane, light: Vec) -> Chosen:
+def choose_photon(chosen: Chosen, row: Lane, light: Vec) -> Chosen:
     """Add a photon's light; choose it with the probability of its share of the light so far. One random number serves all choices."""
     total, number = ops.add(chosen.light, light), chosen.number
     share = (light[0] + light[1] + light[2]) / ops.maximum(total[0] + total[1] + total[2], lights.TINY)

@@ -17,7 +17,7 @@ from . import aims, bodies, column, tracking
 from .tracking import Flight
 
 FARTHEST = 80.0  # optical depth beyond which exp is 0
-OFTEN = 0.25  # least probability that a camera ray scatters in a medium: of thin fog most samples would see none
+OFTEN = 0.25  # least probability that a camera ray or a photon scatters in a medium: of thin fog most samples would see none
 
 
 @helper
@@ -84,7 +84,7 @@ def _sample_distance(
     chance = ops.scale(chance, 1.0 / ops.where(samples, total, 1.0))
     scatters = ops.where(samples, 1.0 - ops.dot(chance, passed), 0.0)
     often = scatters
-    if key.depth == 0:
+    if key.depth == 0 or key.kind == tracking.PHOTON:
         often = ops.where(scatters > 0.0, ops.maximum(scatters, OFTEN), 0.0)
     u, v = tracking.numbers(key, 0)
     scattered = u < often
@@ -126,3 +126,11 @@ def _transmit(table: Any, plain: Vec, tables: Tables, number: Lane, origin: Vec,
 
 transmit = specialize_if_present(_transmit)
 
+
+@helper
+def scattering_at(table: Any, tables: Tables, number: Lane, place: Vec) -> Vec:
+    """The scattering coefficient per metre of the media of these numbers at a place."""
+    red, green, blue, _ = row_gather.four_at(table.scattering, number)
+    plain = column.density_at(place[1], 0.0 * place[1] + table.top[number], 0.0 * place[1] + table.falloff[number])
+    density = tracking.density_at(table.fields, plain, tables, number, place)
+    return (red * density, green * density, blue * density)

@@ -21,6 +21,7 @@ STEPS = 1 << 12  # dimensions of one flight
 SEGMENTS = 1024  # random numbers of the segments of a shadow ray are SEGMENTS depths apart
 MOST_SEGMENTS = 128  # segments with random numbers of their own
 STRATIFIED = 3  # flights of a path whose first numbers are Sobol points
+PHOTON = 2  # kind of the key of flights of photons
 FAINT = 0.05  # transmittance below which ratio tracking ends by Russian roulette
 
 
@@ -48,7 +49,7 @@ class Key(NamedTuple):
     sample: Lane
     depth: int
     seed: int
-    kind: int  # 0: of a path, 1: of a shadow ray
+    kind: int  # 0: of a path, 1: of a shadow ray, PHOTON
     body: Any = None  # colour, and factor of the radius, where the path entered a body; see bodies.py
 
 
@@ -288,6 +289,17 @@ def march(fields: Any, tables: Tables, number: Lane, ray: Any, rate: Vec, steps:
     return total, first
 
 
+@helper
+def _at(fields: Any, plain: Lane, tables: Tables, number: Lane, place: Vec) -> Lane:
+    inside = fields.density[number] >= 0
+    if ops.not_(ops.any_lane(inside)):
+        return plain
+    still = 0.0 * place[0]
+    ray = (place, (still, still, still), still, still)
+    return ops.where(inside, _density(tables, fields, ops.where(inside, number, 0), ray, still), plain)
+
+
+density_at = specialize_if_present(_at)  # (fields, density in closed form, tables, number, place) → density
 fly = specialize_if_present(_fly)
 """(fields, flight in closed form, tables, table, number, (origin, direction, near, far), throughput, key) → flight."""
 transmit = specialize_if_present(_transmit)

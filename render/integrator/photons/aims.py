@@ -21,6 +21,10 @@ F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged
 
 
+class NoStacks(NamedTuple):
+    """No medium scatters light."""
+
+
 class Aims(NamedTuple):
     """Probabilities of (emitter, ball) pairs, and the balls."""
 
@@ -32,6 +36,7 @@ class Aims(NamedTuple):
     targets: int
     reach: float  # metres, from the origin to beyond the scene
     effort: float  # factor of the number of photons: faint light needs fewer for the same noise, by the square of the reflectance
+    inside: Any = NoStacks()  # (emitters,) medium stacks where they are, in scenes with scattering media
 
 
 def carried_by_photons(tables: ir.Tables, table: Emitters, spots: Any, all_sizes: bool) -> NDArray[np.bool_]:

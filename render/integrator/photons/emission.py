@@ -32,7 +32,7 @@ class EmitterKind(NamedTuple):
 def emit(tables: Tables, table: Emitters, spots: Any, aims: Aims, number: Lane, index: Lane, seed: int) -> tuple[Ray, Vec]:
     """(rays, power over the density of both choices) of photons `index` of map `number`."""
     like = ops.to_float(index)
-    a, b = sobol.pair(number, index, ops.int_like(like, ORIGIN), seed)
+    a, b = _emitter_numbers(number, index, seed)
     place_numbers = sobol.pair(number, index, ops.int_like(like, PLACE), seed)
     aim_numbers = sobol.pair(number, index, ops.int_like(like, AIM), seed)
     e = _choose_emitter(aims.upto, a)
@@ -111,6 +111,17 @@ def _density(aims: Aims, e: Lane, t: Lane, far: Lane, start: Vec, direction: Vec
 def _up(like: Lane) -> Vec:
     zero = 0.0 * like
     return (zero, zero, zero + 1.0)
+
+
+@helper
+def _emitter_numbers(number: Lane, index: Lane, seed: int) -> tuple[Lane, Lane]:
+    return sobol.pair(number, index, ops.int_like(ops.to_float(index), ORIGIN), seed)
+
+
+@helper
+def emitter_of(aims: Aims, number: Lane, index: Lane, seed: int) -> Lane:
+    """The emitter of photons `index` of map `number`."""
+    return _choose_emitter(aims.upto, _emitter_numbers(number, index, seed)[0])
 
 
 @helper

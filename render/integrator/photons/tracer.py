@@ -3,7 +3,8 @@
 Photons follow specular reflections and refractions by chance. Those that a diffuse or glossy surface receives after one are stored. So are
 those that a polished metal, rough glass or a narrow highlight over a diffuse surface reflects first, where they hit a diffuse surface.
 Paths leave out that light: of a light with photons, hit by way of specular surfaces after a diffuse or glossy one, and hit or sampled by
-way of metals or in highlights after a diffuse one. Random numbers are keyed by (map, photon, dimension, seed).
+way of metals or in highlights after a diffuse one. Media are as diffuse surfaces: see `media.py`. Random numbers are keyed by (map, photon,
+dimension, seed).
 """
 
 from __future__ import annotations
@@ -16,28 +17,33 @@ from numpy.typing import NDArray
 
 from ... import simd
 from ...jit import thread_pool
-from ...jit.kernel import helper, kernel, noinline_helper
+from ...jit.kernel import helper, kernel, noinline_helper, specialize_if_present
 from ...jit.packed_struct import Handle
 from ...lanes import crosslane, ops
 from ...lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
 from ...light import lights
 from ...material import bsdf, medium_stack, rough_dielectric
+from ...material.bsdf import Scattered
 from ...material.shader import ONLY, Shader, evaluate_shader_filtered
+from ...medium.tracking import Key
 from ...sampling import sobol
 from ...simd.registration import overload, types
 from ...surface import blend, interaction, normal_map
 from ...types import Lane, Surface, Tables, Vec
-from .. import photon_map
+from .. import flights, photon_map, photon_volume
+from ..path_state import PathState
 from ..photon_coverage import photon_covers_lobe
 from ..photon_map import COLUMNS, MAPS
 from ..wave_intersection import intersect_stage, load_hits, surface_at
-from ..wave_memory import STATE, WaveMemory, load_medium, store_optional
+from ..wave_memory import STATE, WaveMemory, load_medium, load_near, store_optional
+from . import media
 from .aims import Aims
 from .emission import emit
 
 BLOCK = 8192  # photons of a thread's job
 LEAST, FEWEST, MOST = 1 << 18, 1 << 14, 1 << 22  # of a round; FEWEST also where their light is faint
 PILOT, FIRST_PILOT = 1 << 17, 1 << 26  # photons of pilot maps, which only measure, and the number of the first of them
+SOUNDING = 1 << 12  # photons that tell how many are stored in media
 PER_SAMPLE = 0.25  # photons for each sample of a round, times the tracer's `effort`
 WIDEST = 0.1  # of the scene: the coarsest cells
 SPACE = 4  # stored photons of each that is emitted, on average, for which memory is allocated at first
@@ -54,6 +60,7 @@ class Batch(NamedTuple):
     first: int
     count: int
     total: int
+    share: float  # of the photons in media that is stored
 
 
 class Bounce(NamedTuple):
@@ -62,6 +69,16 @@ class Bounce(NamedTuple):
     direction: Vec
     weight: Vec
     chance: Lane  # probability to go on
+
+
+class Record(NamedTuple):
+    """Photons to be stored."""
+
+    lands: Lane  # bool
+    place: Vec
+    normal: Vec
+    power: Vec
+    code: Lane  # 1, or -1: for diffuse surfaces alone; from photon_volume.CODE on, of a medium
 
 
 class Tracer:
@@ -78,11 +95,13 @@ class Tracer:
         radii = aims.radius[np.isfinite(aims.radius)]
         self.width = 0.5 * float(radii.max()) if len(radii) else 0.05 * aims.reach  # of the coarsest cells
         self.reach = float(aims.reach)
+        self.scatters = isinstance(aims.inside, np.ndarray)
+        self.volume_width, self.share = 0.0, 1.0  # of the coarsest cells in media; of the photons there that are stored
 
     def ready(self) -> None:
         """Compile or load the kernel."""
         nothing = np.zeros(3, self.kind), Handle(WaveMemory.of(self.kind)), np.zeros((COLUMNS, PAD), np.float32)
-        trace_block(self.accel, self.scene, self.frame, self.aims, Batch(0, 0, 0, 1), *nothing)
+        trace_block(self.accel, self.scene, self.frame, self.aims, Batch(0, 0, 0, 1, 1.0), *nothing)
 
     def most(self, pixels: int) -> int:
         """The most samples of each pixel in a round."""
@@ -95,21 +114,38 @@ class Tracer:
         landed, origin = self._trace(self.maps, MAPS, each, self.frame)
         self.maps += MAPS
         self.so_far += MAPS * each
-        return photon_map.build(landed, each, self.so_far, self.width, origin, self.kind, self.threads)
+        return self._build(landed, each, self.so_far, origin)
 
     def pilot(self, number: int, frame: Handle) -> photon_map.Maps:
         """Make maps of few photons, which do not count, with the numbers of another frame."""
         each = PILOT // MAPS
         landed, origin = self._trace(FIRST_PILOT + MAPS * number, MAPS, each, frame)
-        return photon_map.build(landed, each, PILOT, self.width, origin, self.kind, self.threads)
+        return self._build(landed, each, PILOT, origin)
 
     def widen(self, frame: Handle) -> None:
         """Make the coarsest cells wide enough for the disks of nearly all photons."""
         landed, _ = self._trace(FIRST_PILOT - 1, 1, int(photon_map.FIRST), frame)
         self.width = photon_map.coarsest_width(landed[0], self.width, WIDEST * self.reach)
 
+    def _build(self, landed: list[NDArray[np.float32]], each: int, so_far: int, origin: NDArray[Any]) -> photon_map.Maps:
+        if not self.scatters:
+            return photon_map.build(landed, each, so_far, self.width, origin, self.kind, self.threads)
+        parts = [photon_volume.split(rows) for rows in landed]
+        maps = photon_map.build([part[0] for part in parts], each, so_far, self.width, origin, self.kind, self.threads)
+        of_media = [part[1] for part in parts]
+        return maps._replace(volume=photon_volume.build(of_media, each, so_far, self.volume_width, origin, self.kind, self.threads))
+
+    def _sound(self, frame: Handle) -> None:
+        """Choose which share of the photons in media is stored, and the width of their coarsest cells."""
+        if self.scatters and self.volume_width == 0.0:
+            self.volume_width = self.width  # also ends this
+            landed = photon_volume.split(self._trace(FIRST_PILOT - 2, 1, SOUNDING, frame)[0][0])[1]
+            self.share = min(1.0, media.MOST_STORED * SOUNDING / max(len(landed), 1))
+            self.volume_width = photon_map.coarsest_width(landed, self.width, WIDEST * self.reach)
+
     def _trace(self, first: int, count: int, each: int, frame: Handle) -> tuple[list[NDArray[np.float32]], NDArray[Any]]:
         """Trace so many photons for each of `count` maps, from number `first` on; return those to be stored, and their origin."""
+        self._sound(frame)
         jobs = [(first + k, start, min(BLOCK, each - start)) for k in range(count) for start in range(0, each, BLOCK)]
         seed = frame.tables.options.seed
         shift = np.random.default_rng([seed & 0xFFFFFFFF, first]).random(3)  # cell edges differ from round to round
@@ -120,7 +156,7 @@ class Tracer:
             number, start, some = job
             if not hasattr(self.local, "memory"):
                 self.local.memory = Handle(WaveMemory.of(self.kind))
-            batch, space = Batch(number, start, some, each), SPACE * BLOCK
+            batch, space = Batch(number, start, some, each, self.share), SPACE * BLOCK
             while True:
                 rows = np.empty((COLUMNS, space + PAD), np.float32)
                 kept = trace_block(self.accel, self.scene, frame, self.aims, batch, origin, self.local.memory, rows)
@@ -154,7 +190,7 @@ def trace_block(accel, scene, frame, aims, batch, origin, memory, stored):
             if active == 0:
                 break
             intersect_stage(accel, scene, frame, memory, source, active, depth + 1)
-            active, kept = _scatter_stage(scene, frame, memory, source, active, depth, origin, stored, kept)
+            active, kept = _scatter_stage(scene, frame, memory, source, active, depth, origin, stored, kept, batch.share)
             source = 1 - source
     simd.restore_denormals(saved)
     return kept
@@ -169,7 +205,12 @@ def _emit_stage(scene, frame, aims, memory, number, first, n, share):
         index = simd.iota(simd.load(memory.index, 0)) + (first + i)
         numbers = ops.int_like(index, number)
         ray, power = emit(scene.tables, scene.light.emitters, scene.light.spots, aims, numbers, index, frame.options.seed)
+        nothing = (power, None, None)
+        table, emitters = medium_stack.scattering(scene.tables), scene.light.emitters
+        power, inside, near = media.start(table, nothing, scene.tables, emitters, aims, numbers, index, ray, frame.options.seed)
         going = simd.first_lanes(n - i, like) & (ops.largest(power) > 0.0)
+        store_optional(inside, None, memory.inside, kept, going)
+        store_optional(near, None, memory.near, kept, going)
         compress_store3(memory.state, kept, ray.origin, going)
         compress_store3(memory.state, 3 * ROW + kept, ray.direction, going)
         compress_store3(memory.state, 6 * ROW + kept, ops.scale(power, share), going)
@@ -179,61 +220,110 @@ def _emit_stage(scene, frame, aims, memory, number, first, n, share):
 
 
 @noinline_helper
-def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept):
+def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept, share):
     """Store and scatter n photons where they hit; return (photons that go on, photons stored so far)."""
     tables, light, seed = scene.tables, scene.light, frame.options.seed
-    like = simd.load(memory.state, 0)
-    base, target, going_on = source * STATE * ROW, (1 - source) * STATE * ROW, 0
+    table, like = medium_stack.scattering(tables), simd.load(memory.state, 0)
+    going_on = 0
     for i in range(0, n, crosslane.width(like)):
-        zero = 0.0 * like
-        start, direction = load3(memory.state, base, 0, i), load3(memory.state, base, 3, i)
-        power = load3(memory.state, base, 6, i)
-        flags, number, index = load3(memory.index, source * 3 * ROW, 0, i)
-        bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
-        inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, source * ROW + i, depth)
-        hit, piece, hits = load_hits(memory, i, simd.first_lanes(n - i, like))
-        if ops.not_(ops.any_lane(hits)):
+        active = simd.first_lanes(n - i, like)
+        path, number, index = _load_photon(tables, memory, source, i, depth)
+        before, counts, key = path.weight, active & ((path.phase & (BENT | THROWN)) != 0), Key(number, index, depth, seed, 0)
+        hit, piece, hits = load_hits(memory, i, active)
+        flown = media.fly(table, None, tables, path, active, counts, ops.where(hits, hit.t, np.inf), key)
+        hits = flights.without_scattered(flown, hits)
+        if ops.not_(ops.any_lane(flights.any_vertex(flown, hits))):
             continue
-        power = medium_stack.attenuate(inside, power, tables, ops.where(hits, hit.t, 0.0))
+        power = media.power_after(flown, medium_stack.attenuate(path.inside, before, tables, ops.where(hits, hit.t, 0.0)))
+        path = flights.weighted(flown, path)
         time = sobol.sample_time(number, index, seed, frame.shutter)
-        point, hit = surface_at(tables, scene.primitives.records, start, direction, hit, piece, hits, time)
-        point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, direction)
-        shader = evaluate_shader_filtered(tables, point, light.uses, inside)
-        matt = bsdf.has_matt(shader)
-        lands = hits & bsdf.is_lit(shader) & (bent | (thrown & matt))
-        if ops.any_lane(lands):
-            _store(stored, kept, lands, spread | thrown, point, direction, power, origin)
-            kept += simd.count(lands)
-        u, v = _numbers(number, index, 2 * depth, seed)
-        which, end = _numbers(number, index, 2 * depth + 1, seed)
-        scattered = bsdf.sample_bsdf(shader, light.uses, point, ops.negate(direction), u, v, which)
-        sharp = scattered.density >= ONLY
-        weight = ops.scale(scattered.weight, _adjoint(point, shader, direction, scattered.direction, sharp))
-        chance = ops.minimum(ops.largest(weight), 1.0)
-        metal = bsdf.is_polished(shader) & ops.not_(sharp)
-        first = hits & ops.not_(bent | thrown)
-        bounce = Bounce(scattered.direction, weight, chance)
-        (to, weight, chance), thrown_by_lobe = _sample_covered_lobe(
-            light.caustic_reflectance, bounce, point, shader, direction, (u, v, which), first
-        )
-        metal = metal | thrown_by_lobe
-        bent = bent | (thrown & matt & ops.not_(sharp))
-        going = hits & (sharp | bent | metal) & (end < chance)
-        if ops.not_(ops.any_lane(going)):
-            continue
-        spread = spread | (bent & ops.not_(sharp))
-        thrown = ops.not_(bent) & (thrown | metal)
-        bent = bent | ops.not_(thrown)
-        weight = ops.mul(power, ops.scale(weight, 1.0 / ops.maximum(chance, lights.TINY)))
-        flags = ops.where(bent, BENT, 0) | ops.where(spread, SPREAD, 0) | ops.where(thrown, THROWN, 0)
-        compress_store3(memory.state, target + going_on, interaction.offset_origin(point, to), going)
-        compress_store3(memory.state, target + 3 * ROW + going_on, to, going)
-        compress_store3(memory.state, target + 6 * ROW + going_on, weight, going)
-        compress_store3(memory.index, (1 - source) * 3 * ROW + going_on, (ops.to_int(flags) + 0 * number, number, index), going)
-        inside = medium_stack.cross_boundary(inside, None, tables, point, to)
-        store_optional(inside, None, memory.inside, (1 - source) * ROW + going_on, going)
-        going_on += simd.count(going)
+        point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, hits, time)
+        event = flights.event_of(flown, None, tables, path, point, hits)
+        vertices = flights.vertices(event, hits)
+        point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, path.direction)
+        shader = evaluate_shader_filtered(tables, point, light.uses, path.inside)
+        point = flights.place(event, point, path)
+        record = _landing(shader, point, flights.surfaces(event, vertices), path.phase, power)
+        kept = _store(stored, kept, record, path.direction, origin)
+        kept = _store_collisions(event, kept, stored, tables, path, power, share, key, origin)
+        onward, going = _scatter(tables, light, event, path, (point, shader), vertices, (before, power), key)
+        onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
+        if ops.any_lane(going):
+            _push_photon(memory, 1 - source, going_on, onward, number, index, going)
+            going_on += simd.count(going)
     return going_on, kept
+
+
+@helper
+def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -> tuple[PathState, Lane, Lane]:
+    """(photons i …, their maps, their numbers in these); the phase of a photon is its flags."""
+    base, at, table = source * STATE * ROW, source * ROW + i, medium_stack.scattering(tables)
+    start, direction = load3(memory.state, base, 0, i), load3(memory.state, base, 3, i)
+    power = load3(memory.state, base, 6, i)
+    flags, number, index = load3(memory.index, source * 3 * ROW, 0, i)
+    zero = 0.0 * start[0]
+    inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
+    near = load_near(table, None, memory, at)
+    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near), number, index
+
+
+@helper
+def _push_photon(memory: Any, target: int, kept: int, onward: PathState, number: Lane, index: Lane, going: Lane) -> None:
+    """Store the photons of a mask after `kept` ones of the next depth."""
+    base, at = target * STATE * ROW + kept, target * ROW + kept
+    compress_store3(memory.state, base, onward.origin, going)
+    compress_store3(memory.state, base + 3 * ROW, onward.direction, going)
+    compress_store3(memory.state, base + 6 * ROW, onward.weight, going)
+    compress_store3(memory.index, target * 3 * ROW + kept, (ops.to_int(onward.phase) + 0 * number, number, index), going)
+    store_optional(onward.inside, None, memory.inside, at, going)
+    store_optional(onward.near, None, memory.near, at, going)
+
+
+@helper
+def _landing(shader: Shader, point: Surface, surfaces: Lane, flags: Lane, power: Vec) -> Record:
+    """What surfaces receive."""
+    bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
+    lands = surfaces & bsdf.is_lit(shader) & (bent | (thrown & bsdf.has_matt(shader)))
+    zero = 0.0 * power[0]
+    return Record(lands, point.position, point.geometric, power, ops.where(spread | thrown, zero - 1.0, zero + 1.0))
+
+
+@helper
+def _scatter(
+    tables: Tables, light: Any, event: Any, path: PathState, at: tuple[Surface, Shader], vertices: Lane, powers: tuple[Vec, Vec], key: Key
+) -> tuple[PathState, Lane]:  # fmt: skip
+    """(photons that leave a vertex, whether they go on); `powers` are those before and after the flight to it."""
+    (point, shader), (before, power) = at, powers
+    number, index, depth, seed = key.pixel, key.sample, key.depth, key.seed
+    direction, flags = path.direction, path.phase
+    bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
+    u, v = _numbers(number, index, 2 * depth, seed)
+    which, end = _numbers(number, index, 2 * depth + 1, seed)
+    scattered = bsdf.sample_bsdf(shader, light.uses, point, ops.negate(direction), u, v, which)
+    sharp = scattered.density >= ONLY
+    weight = ops.scale(scattered.weight, _adjoint(point, shader, direction, scattered.direction, sharp))
+    chance = ops.minimum(ops.largest(weight), 1.0)
+    metal = bsdf.is_polished(shader) & ops.not_(sharp)
+    first = flights.surfaces(event, vertices) & ops.not_(bent | thrown)
+    bounce = Bounce(scattered.direction, weight, chance)
+    (to, weight, chance), thrown_by_lobe = _sample_covered_lobe(
+        light.caustic_reflectance, bounce, point, shader, direction, (u, v, which), first
+    )
+    metal = flights.surfaces(event, metal | thrown_by_lobe)
+    scattered = flights.scatter(event, Scattered(to, weight, scattered.density, scattered.through), direction, u, v)
+    to, weight, sharp = scattered.direction, scattered.weight, scattered.density >= ONLY
+    chance = media.chance(event, chance, power, before)
+    bent = bent | (thrown & flights.or_scattered(event, bsdf.has_matt(shader)) & ops.not_(sharp))
+    going = vertices & (sharp | bent | metal) & (end < chance)
+    spread = spread | (bent & ops.not_(sharp))
+    thrown = ops.not_(bent) & (thrown | metal)
+    bent = bent | ops.not_(thrown)
+    weight = ops.mul(power, ops.scale(weight, 1.0 / ops.maximum(chance, lights.TINY)))
+    flags = ops.where(bent, BENT, 0) | ops.where(spread, SPREAD, 0) | ops.where(thrown, THROWN, 0)
+    inside = medium_stack.cross_boundary(path.inside, None, tables, point, to)
+    origin = interaction.offset_origin(point, to)
+    near = flights.at_start(event, None, path.density)
+    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near), going
 
 
 def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:
@@ -309,18 +399,32 @@ def _shading_normal_factor(point: Surface, arriving: Vec, leaving: Vec) -> Lane:
 
 
 @helper
-def _store(stored: Any, kept: int, lands: Lane, spread: Lane, point: Surface, direction: Vec, power: Vec, origin: Any) -> None:
-    """Write the photons of a mask's lanes, if there is space."""
-    space = stored.shape[1]
-    if kept + PAD > space:
-        return
-    place, normal = point.position, point.geometric
-    place = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
-    _store3(stored, kept, place, lands)
-    _store3(stored, 3 * space + kept, ops.negate(direction), lands)
-    _store3(stored, 6 * space + kept, power, lands)
-    _store3(stored, 9 * space + kept, normal, lands)
-    compress_store(stored, 12 * space + kept, ops.where(spread, -1.0 + 0.0 * place[0], 1.0), lands)
+def _store(stored: Any, kept: int, record: Record, direction: Vec, origin: Any) -> int:
+    """Write the photons of a record, if there is space, after `kept` ones; return the number of all."""
+    space, lands = stored.shape[1], record.lands
+    if ops.not_(ops.any_lane(lands)):
+        return kept
+    if kept + PAD <= space:
+        place = record.place
+        place = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
+        _store3(stored, kept, place, lands)
+        _store3(stored, 3 * space + kept, ops.negate(direction), lands)
+        _store3(stored, 6 * space + kept, record.power, lands)
+        _store3(stored, 9 * space + kept, record.normal, lands)
+        compress_store(stored, 12 * space + kept, record.code, lands)
+    return kept + simd.count(lands)
+
+
+@helper
+def _store_scattered(
+    event: Any, kept: int, stored: Any, tables: Tables, path: PathState, power: Vec, share: float, key: Key, origin: Any
+) -> int:  # fmt: skip
+    lands, fluence, code = media.collision(event, None, tables, path, power, share, key)
+    zero = 0.0 * power[0]
+    return _store(stored, kept, Record(lands, event.position, (zero, zero, zero), fluence, code), path.direction, origin)
+
+
+_store_collisions = specialize_if_present(_store_scattered)  # (event, kept, …): store photons that scatter in media
 
 
 @helper

@@ -1,0 +1,280 @@
+"""Photon maps of media: photons that scattered, stored where they did, and density estimates from them in three dimensions.
+
+Jensen and Christensen 1998, Efficient Simulation of Light Transport in Scenes with Participating Media using Photon Maps. A photon's light
+is spread over a ball that holds a number of its neighbors. As on surfaces (`photon_map.py`), balls shrink with the number of photons so
+far, and the light of a lookup counts if one of its photons, chosen by its share, is visible. A path gathers at its first collision in a
+medium.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import simd
+from ..jit import thread_pool
+from ..jit.kernel import helper, kernel, noinline_helper, specialize_if_present
+from ..lanes import crosslane, ops
+from ..lanes.soa import PAD, compress_store
+from ..material import medium_stack
+from ..medium import phase
+from ..simd.registration import overload
+from ..types import Lane, Vec
+from . import photon_map
+from .path_state import PathSample, PathState, photon_number
+from .photon_map import (
+    FIRST,
+    LANES,
+    LEVELS,
+    LISTED,
+    LISTS,
+    MAPS,
+    MATT,
+    PRESENCE,
+    WIDER,
+    Chosen,
+    Gathered,
+    Lists,
+    cell_key,
+    cell_of,
+    choose_photon,
+    choose_radii,
+    mark_levels,
+    slot_of,
+)
+from .records import ShadingContext
+
+NEIGHBOURS = 16.0  # photons in the ball of one, for FIRST of them in a map and in all
+SHRINKING = -3.0 / 7.0  # exponent of their number: noise falls as 1 / (N r³), bias as r²
+CODE = 2.0  # last column of a stored photon: CODE + the number of its medium; below CODE it is on a surface
+
+
+class Volume(NamedTuple):
+    """MAPS maps of photons in media; see photon_map.Maps."""
+
+    start: NDArray[np.int32]
+    slots: int
+    present: NDArray[np.int32]
+    key: NDArray[np.int32]
+    place: NDArray[np.float64]
+    toward: NDArray[np.float64]
+    power: NDArray[np.float64]  # (3 · n,) over its ball: times 1 − d²/r² the fluence
+    medium: NDArray[np.int32]  # (n,) number of the medium
+    inverse: NDArray[np.float64]  # (n,) 1 / r²
+    origin: NDArray[np.float64]
+    cells: NDArray[np.float64]
+
+
+class Point(NamedTuple):
+    """Points where paths scatter."""
+
+    place: Vec  # from Volume.origin
+    viewer: Vec  # unit
+    weight: Vec  # of the path
+    anisotropy: Lane
+    medium: Lane  # int
+
+
+def empty(kind: type) -> Volume:
+    """Return maps without photons, of float32 or float64."""
+    none, nothing = np.zeros(0, np.int32), np.zeros(0, kind)
+    return Volume(none, 0, np.zeros(MAPS * PRESENCE, np.int32), none, nothing, nothing, nothing, none, nothing, np.zeros(3, kind),
+                  np.ones(LEVELS, kind))  # fmt: skip
+
+
+def split(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(photons on surfaces, photons in media) of stored ones."""
+    scattered = rows[:, -1] >= CODE
+    return rows[~scattered], rows[scattered]
+
+
+def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: float, origin: Any, kind: type, threads: int) -> Volume:
+    """Build maps from photons in media; arguments as for photon_map.build."""
+    near = NEIGHBOURS * emitted / FIRST * (so_far / FIRST) ** SHRINKING
+    counts = [len(rows) for rows in landed]
+    slots = 1 << max(int(max(counts)), 16).bit_length()
+    first = np.concatenate([[0], np.cumsum(counts)])
+    n = int(first[-1]) + PAD  # loads read vectors
+    volume = Volume(
+        np.zeros(MAPS * (slots + 1), np.int32), slots, np.zeros(MAPS * PRESENCE, np.int32), np.zeros(n, np.int32),
+        np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(n, np.int32), np.zeros(n, kind),
+        np.asarray(origin, kind), (2.0 ** np.arange(LEVELS) / width).astype(kind),
+    )  # fmt: skip
+
+    def sort(k: int) -> None:
+        _sort(landed[k].astype(kind), k, int(first[k]), near, volume)
+
+    thread_pool.parallel_for(sort, range(len(landed)), threads)
+    return volume
+
+
+@kernel
+def _sort(rows, number, first, near, volume):
+    """Choose the radius of each photon of a map, and store the photons by cell."""
+    n = len(rows)
+    level = np.full(n, -1, np.int32)
+    radius = np.zeros(n)
+    size = np.int64(16)
+    while size < 2 * n:
+        size *= 2
+    choose_radii(rows, near, volume.cells, np.zeros(size, np.int32), level, radius)
+    start, slots, cells = volume.start, volume.slots, volume.cells
+    base = number * (slots + 1)
+    for i in range(n):
+        half = 0.5 / cells[level[i]]
+        radius[i] = half * (radius[i] / half) ** (2.0 / 3.0)  # that of a disk is as the square root of its share of a cell
+        start[base + slot_of(cell_key(level[i], *cell_of(rows, i, cells[level[i]])), slots) + 1] += 1
+    start[base] = first
+    for s in range(slots):
+        start[base + s + 1] += start[base + s]
+    cursor = start[base : base + slots].copy()
+    for i in range(n):
+        key = cell_key(level[i], *cell_of(rows, i, cells[level[i]]))
+        slot = slot_of(key, slots)
+        _store(rows, i, radius[i], volume, cursor[slot], key)
+        cursor[slot] += 1
+        mark_levels(rows, i, radius[i], volume, number, level[i])
+
+
+@helper
+def _store(rows: Any, i: int, r: float, volume: Any, k: int, key: int) -> None:
+    """Write photon i, of radius r, to row k."""
+    n = len(volume.inverse)
+    volume.key[k], volume.inverse[k] = key, 1.0 / (r * r)
+    volume.medium[k] = np.int32(rows[i, 12] - CODE + 0.5)
+    for c in range(3):
+        volume.place[c * n + k], volume.toward[c * n + k] = rows[i, c], rows[i, 3 + c]
+        volume.power[c * n + k] = rows[i, 6 + c] * 15.0 / (8.0 * math.pi * r * r * r)
+
+
+# --- in lanes ------------------------------------------------------------------------------------------------------------
+
+
+def of(maps: Any) -> Any:
+    """The volume maps of photon maps; None without any, and in numpy."""
+    return None
+
+
+@overload(of)
+def _of_in_kernels(maps):
+    if maps.layout and maps.field("volume")[1] != ():
+        return lambda maps: maps.volume
+    return lambda maps: None
+
+
+@helper
+def _at_collisions(volume: Any, plain: Gathered, shading: ShadingContext, path: PathState, here: Lane, index: PathSample) -> Gathered:
+    event: Any = shading.event
+    gathers = here & event.scattered & (path.phase < MATT)
+    if len(volume.key) == 0 or ops.not_(ops.any_lane(gathers)):
+        return plain
+    position = event.position
+    point = Point(
+        ops.sub(position, (volume.origin[0], volume.origin[1], volume.origin[2])), shading.viewer, path.weight, event.anisotropy,
+        ops.where(gathers, medium_stack.top(path.inside), 0),
+    )  # fmt: skip
+    chosen = _gather_levels(volume, point, gathers, index.sample, photon_number(index))
+    row, n = chosen.row, len(volume.key)
+    photon = (volume.place[row], volume.place[row + n], volume.place[row + 2 * n])
+    end = ops.add(photon, (volume.origin[0], volume.origin[1], volume.origin[2]))
+    zero = 0.0 * position[0]
+    return Gathered(
+        ops.where3(gathers, chosen.light, plain.light), ops.where3(gathers, position, plain.start), ops.where3(gathers, end, plain.end),
+        ops.where3(gathers, (zero, zero, zero), plain.up),
+    )  # fmt: skip
+
+
+at_collisions = specialize_if_present(_at_collisions)
+"""(volume maps, Gathered, shading, path, vertices, index): with the light of photons near collisions in media."""
+
+
+@helper
+def _after_collision(volume: Any, plain: Lane, shading: ShadingContext) -> Lane:
+    event: Any = shading.event
+    return ops.where(event.scattered, photon_map.CLEAN, plain)
+
+
+phase_after = specialize_if_present(_after_collision)
+"""(volume maps, phase, shading): the phase of a path that goes on; after a collision the photon map has been read."""
+
+
+@noinline_helper
+def _gather_levels(volume, point, here, sample, random):
+    """The light of the photons near each lane; see photon_map."""
+    number = (sample + (sample >> 4) * 5) & (MAPS - 1)
+    x, wide = point.place, volume.cells[0]
+    coarse = cell_key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
+    levels = ops.where(here, volume.present[number * PRESENCE + slot_of(coarse, PRESENCE)], 0)
+    base = number * (volume.slots + 1)
+    lists = Lists(simd.stack_array(np.int32, LISTS), simd.stack_array(np.int32, LANES))
+    for k in range(LANES):
+        lists.counts[k] = 0
+    zero = 0.0 * x[0]
+    chosen = Chosen((zero, zero, zero), ops.int_like(zero, 0), random)
+    for level in range(LEVELS):
+        some = ((levels >> level) & 1) != 0
+        if ops.any_lane(some):
+            inverse, lanes = volume.cells[level], crosslane.bits(some)
+            low = ops.floor_int(x[0] * inverse - 0.5), ops.floor_int(x[1] * inverse - 0.5), ops.floor_int(x[2] * inverse - 0.5)
+            for k in range(crosslane.width(x[0])):
+                if (lanes >> k) & 1 == 0:
+                    continue
+                place, cell = crosslane.lane3(x, k), crosslane.lane3(low, k)
+                for corner in range(8):
+                    key = cell_key(level, cell[0] + (corner & 1), cell[1] + ((corner >> 1) & 1), cell[2] + (corner >> 2))
+                    slot = crosslane.lane(base, k) + slot_of(key, volume.slots)
+                    at, end = volume.start[slot], volume.start[slot + 1]
+                    while at < end:
+                        full = _list_near(volume, at, end, key, place, x[0], lists, k)
+                        at += crosslane.width(x[0])
+                        if full:
+                            chosen = _add_listed(volume, chosen, point, lists)
+    return _add_listed(volume, chosen, point, lists)
+
+
+@helper
+def _list_near(volume: Any, at: int, end: int, key: int, x: Vec, like: Lane, lists: Lists, k: int) -> bool:
+    """Add to the list of lane k those of a vector of photons that are near it; return whether the list is full."""
+    n, width = len(volume.inverse), crosslane.width(like)
+    off = (
+        x[0] - crosslane.load_like(volume.place, at, like), x[1] - crosslane.load_like(volume.place, at + n, like),
+        x[2] - crosslane.load_like(volume.place, at + 2 * n, like),
+    )  # fmt: skip
+    near = simd.first_lanes(end - at, like) & (crosslane.load_like(volume.key, at, like) == key)
+    near = near & (ops.dot(off, off) * crosslane.load_like(volume.inverse, at, like) < WIDER)
+    if ops.any_lane(near):
+        count = lists.counts[k]
+        row = simd.iota(ops.int_like(like, 0)) + at
+        compress_store(lists.rows, k * LISTED + count, row, near)
+        lists.counts[k] = count + crosslane.count(near)
+    return lists.counts[k] > LISTED - width
+
+
+@noinline_helper
+def _add_listed(volume, chosen, point, lists):
+    """Add the light of the listed photons, choose among them, and empty the lists."""
+    zero = ops.int_like(point.place[0], 0)
+    counts, base = zero + crosslane.load_like(lists.counts, 0, point.place[0]), simd.iota(zero) * LISTED
+    for k in range(crosslane.reduce_max(counts)):
+        mine = counts > k
+        row = ops.where(mine, lists.rows[base + k], 0)
+        chosen = choose_photon(chosen, row, _photon_light(volume, row, mine, point))
+    for k in range(LANES):
+        lists.counts[k] = 0
+    return chosen
+
+
+@helper
+def _photon_light(volume: Any, row: Lane, same: Lane, point: Point) -> Vec:
+    """A photon's light to the viewer."""
+    n, x = len(volume.key), point.place
+    off = (x[0] - volume.place[row], x[1] - volume.place[row + n], x[2] - volume.place[row + 2 * n])
+    left = 1.0 - ops.dot(off, off) * volume.inverse[row]
+    near = same & (left > 0.0) & (volume.medium[row] == point.medium)
+    toward = (volume.toward[row], volume.toward[row + n], volume.toward[row + 2 * n])
+    share = ops.where(near, left * phase.density(point.anisotropy, -ops.dot(toward, point.viewer)), 0.0)
+    power = (volume.power[row], volume.power[row + n], volume.power[row + 2 * n])
+    return ops.scale(ops.mul(point.weight, power), share)

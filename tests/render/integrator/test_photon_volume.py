@@ -1,0 +1,121 @@
+"""Tests of photons in media: quadratures of a single scattering, paths that find the same light, and equal bits of threads."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import maquette
+import numpy as np
+import pytest
+from maquette.render.material import fresnel
+
+
+def seen(tmp_path: Path, text: str, **settings: Any) -> np.ndarray:
+    """A small picture: red, green, blue."""
+    path = tmp_path / "a.scene"
+    path.write_text(text, encoding="utf-8")
+    settings = {"size": (4, 4), "samples": 256, "denoise": False, "filter": "box", **settings}
+    return maquette.load(path).render(**settings).channels["rgba"][..., :3].astype(float)
+
+
+def reflectance(angle: float, n: float) -> float:
+    """Of a flat interface to an index n, for unpolarized light."""
+    return float(fresnel.fresnel(np.array([math.cos(angle)]), np.array([1 / n]))[0][0])
+
+
+def henyey(g: float, cosine: float) -> float:
+    return (1 - g * g) / (4 * math.pi * (1 + g * g - 2 * g * cosine) ** 1.5)
+
+
+def along(length: float, extinction: np.ndarray) -> np.ndarray:
+    """The integral of the transmittance over a ray."""
+    return (1 - np.exp(-extinction * length)) / extinction
+
+
+SCATTERING, ABSORPTION = np.array([4e-4, 3e-4, 2e-4]), np.array([0.2, 0.4, 0.8])
+EXTINCTION = SCATTERING + ABSORPTION
+MEDIUM = "medium(scattering: [0.0004, 0.0003, 0.0002], absorption: [0.2, 0.4, 0.8], phase: 0.4)"
+
+
+def test_the_sun_through_a_slab_of_glass(tmp_path: Path) -> None:
+    """Light passes by (1 − R) / (1 + R), then fades along the slanted way, and scatters once on a level ray. Paths find none of it."""
+    text = "box([5, 0.2, 5], center: [0, 2, 0], material: glass(ior: 1.5))\n"
+    text += f"box([3, 1.5, 3], center: [0, 0.9, 0], medium: {MEDIUM})\n"
+    text += "sun(from: [0.6, 0.8, 0], illuminance: 10, angle: 0.01deg)\n"
+    text += "camera(position: [0, 1, 9], look_at: [0, 1, 0], fov: 0.2deg)\nrender(bounces: 16)\n"
+    r = reflectance(math.acos(0.8), 1.5)
+    arrives = 10 * (1 - r) / (1 + r) * np.exp(-EXTINCTION * (1.65 - 1) / 0.8)
+    expected = arrives * SCATTERING * henyey(0.4, 0) * along(3, EXTINCTION)
+    picture = seen(tmp_path, text, size=(32, 32), samples=1024)
+    assert picture.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)
+    assert seen(tmp_path, text, plan={"transport.caustics": "paths"}).max() < 1e-9
+
+
+def test_a_beam_through_a_flat_interface(tmp_path: Path) -> None:
+    """Sunlight enters water from above and scatters once before a camera in it. Radiance is not scaled by n²."""
+    n, height = 1.33, 2.0
+    text = f"box([30, {2 * height}, 30], material: glass(ior: {n}), medium: {MEDIUM})\n"
+    text += "plane(y: -1.9, material: lambert(0))\nsun(from: [0.6, 0.8, 0], illuminance: 10, angle: 0.01deg)\n"
+    text += "camera(position: [0, 1, 0], look_at: [-3, 1, 0], fov: 0.2deg)\nrender(bounces: 16)\n"
+    sine = 0.6 / n
+    cosine = math.sqrt(1 - sine * sine)
+    enters = 10 * (1 - reflectance(math.acos(0.8), n)) * 0.8 / cosine
+    arrives = enters / n**2 * np.exp(-EXTINCTION * (height - 1) / cosine)
+    expected = arrives * SCATTERING * henyey(0.4, -sine) * along(15, EXTINCTION)
+    picture = seen(tmp_path, text, size=(32, 32), samples=1024)
+    assert picture.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)
+
+
+LAMP = "sphere(0.35, center: [-1, 2.7, 0.4], material: emissive(1, luminance: 20))\nplane(y: 0, material: lambert(0.5))\n"
+LOOK = "camera(position: [0, 1.4, 5], look_at: [0, 1, 0], fov: 45deg)\nrender(bounces: 64)\n"
+BALL = "sphere(0.5, center: [0, 1.2, 0], material: glass(ior: 1.5))\n"
+SCENES = {
+    "a ball in fog": BALL + "fog(visibility: 12, top: 3, falloff: 2, phase: 0.5)\n",
+    "a ball in a box of smoke": BALL
+    + "box([4, 4, 4], center: [0, 1.2, 0], medium: medium(scattering: 0.25, absorption: 0.05, phase: 0.4))\n",
+    "a ball in a cloud": BALL + "box([4, 3, 4], center: [0, 1.5, 0], medium: medium(#ffffff, depth: 1, phase: 0.4,"
+    " density: |x, y, z| smoothstep(0, 0.8, 1 + 0.7 * sin(3 * x) * cos(2 * y + z))))\n",
+    "mirrors": "box([1, 1, 0.2], center: [0.4, 0.6, -0.8], material: mirror(0.9))\n"
+    'sphere(0.4, center: [-0.5, 0.4, 0], material: metal("gold", roughness: 0.2))\n'
+    "fog(visibility: 12, top: 3, falloff: 2, phase: 0.5)\n",
+    "a lamp in water": "box([6, 3.6, 6], center: [0, 1.7, 0], material: glass(ior: 1.33),"
+    " medium: medium(scattering: [0.1, 0.15, 0.2], absorption: [0.2, 0.1, 0.05]))\n" + BALL,
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SCENES)
+def test_paths_find_the_same_light(tmp_path: Path, name: str) -> None:
+    """The lamp is large enough for paths to hit it; photons are forced."""
+    text = SCENES[name] + LAMP + LOOK
+    means: dict[str, np.ndarray] = {}
+    errors = {}
+    for way, samples in (("paths", 1024), ("photons", 64)):
+        plan = {"transport.caustics": way}
+        runs = np.array([seen(tmp_path, text, size=(48, 36), samples=samples, seed=k, plan=plan) for k in range(6)])
+        parts = runs.reshape(6, 3, 12, 4, 12, 3).mean(axis=(2, 4, 5))
+        means[way], errors[way] = parts.mean(axis=0), parts.std(axis=0, ddof=1) / math.sqrt(6)
+    assert means["photons"].mean() == pytest.approx(means["paths"].mean(), rel=0.01)
+    off = np.abs(means["photons"] - means["paths"])
+    assert (off < 0.02 * means["paths"] + 5 * np.hypot(errors["paths"], errors["photons"])).all()
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_photons_in_media_have_the_same_bits_on_any_number_of_threads(tmp_path: Path, threads: int) -> None:
+    text = SCENES["a ball in a box of smoke"] + LAMP + LOOK
+    plan = {"transport.caustics": "photons"}
+    one, other = (seen(tmp_path, text, size=(24, 16), samples=4, threads=n, plan=plan) for n in (1, threads))
+    assert np.array_equal(one, other)
+
+
+def test_a_lamp_in_a_bulb_lights_the_fog(tmp_path: Path) -> None:
+    """All its light passes the glass: paths find it by chance, photons carry it. The two agree; without shadows of the bulb in the fog."""
+    text = "difference(material: glass(ior: 1.5)) { sphere(0.5)  sphere(0.45) }\nsphere(0.2, material: emissive(1, luminance: 20))\n"
+    text += "fog(scattering: 0.1, absorption: 0.1, phase: 0, top: 100m)\ncamera(position: [0, 2, 6], look_at: [0, 2, 0], fov: 4deg)\n"
+    ways = [
+        seen(tmp_path, text, samples=n, size=(16, 16), plan={"transport.caustics": way}).mean()
+        for way, n in (("paths", 1024), ("photons", 64))
+    ]
+    assert ways[1] == pytest.approx(ways[0], rel=0.05)

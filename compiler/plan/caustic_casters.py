@@ -46,8 +46,8 @@ def bounding_spheres(tables: ir.Tables) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gathering(tables: ir.Tables) -> np.ndarray:
-    """(instances,) bool: caustic casters, which reflect or refract light in narrow lobes."""
-    seen = tables.instances.visible & ir.Visibility.REFLECTION != 0
+    """(instances,) bool: caustic casters, which reflect or refract light in narrow lobes; invisible boundaries of media do neither."""
+    seen = (tables.instances.visible & ir.Visibility.REFLECTION != 0) & ~traits.invisible(tables)[tables.instances.material]
     specular = traits.sharp(tables) | traits.polished(tables)
     casters, narrow = specular[tables.instances.material], traits.narrow_highlights(tables) > 0.0
     if narrow.any():

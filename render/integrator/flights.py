@@ -15,6 +15,7 @@ from ..material.bsdf import Scattered
 from ..medium import bodies, free_flight, phase, phase_table, tracking
 from ..types import Lane, Surface, Tables, Vec
 from .path_state import PathSample, PathState
+from .wave_memory import FAR
 
 LEAST_COSINE = 1e-2  # at a boundary; rays that are more grazing begin no farther behind it
 
@@ -58,6 +59,7 @@ def _weighted(flown: Flown, path: PathState) -> PathState:
     return PathState(
         path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
         path.body,
+        path.leaving,
     )  # fmt: skip
 
 
@@ -175,8 +177,25 @@ def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, 
         ops.where(passes, path.phase, onward.phase), choose_facing(path.facing, onward.facing, passes),
         choose_links(path.links, onward.links, passes), ops.where(passes, behind(point, path.direction, t), onward.near),
         bodies.choose(path.body, onward.body, passes),
+        _leave(onward.leaving, None, tables, point, path.direction, inside, passes),
     )  # fmt: skip
     return passed, plain[1] | (passes & (ops.largest(path.weight) > 0.0))
+
+
+@helper
+def _leave_boundary(plain: Lane, absent: Any, tables: Tables, point: Surface, direction: Vec, inside: Lane, passes: Lane) -> Lane:
+    return ops.where(passes, boundary_cosine(tables, point, direction, inside), plain)
+
+
+_leave = specialize_if_present(_leave_boundary)
+
+
+@helper
+def boundary_cosine(tables: Tables, point: Surface, direction: Vec, inside: Lane) -> Lane:
+    """The cosine of a ray at a boundary of the medium of a stack; FAR at other surfaces."""
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    bounds = ops.to_int(table.number[point.material]) == medium_stack.top(inside)
+    return ops.where(bounds, ops.absolute(ops.dot(direction, point.geometric)), FAR)
 
 
 @helper

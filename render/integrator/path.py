@@ -69,20 +69,20 @@ def shade_vertex(
     path = PathState(
         path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
         path.body,
+        path.leaving,
     )  # fmt: skip
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
     surfaces = flights.surfaces(event, here)
     shader = evaluate_shader_filtered(tables, point, uses, path.inside)
+    ahead = photon_volume.wall(photon_volume.of(inputs.photons), None, tables, path, point, hit.t)
     point = flights.place(event, point, path)
-    viewer = ops.negate(path.direction)
-    sent = (zero, zero, zero)
+    viewer, sent = ops.negate(path.direction), (zero, zero, zero)
     if uses.shines:
         sent = emitted_radiance(tables, inputs, options.links, path, point, shader, hit, surfaces, depth > options.bounces)
     nothing = ops.bool_like(zero, False)
     bits = links.bits_of(options.links, None, tables, point)
-    black = (zero, zero, zero)
     inside = flights.carried(event, None, path.inside)
-    connection = Connection(point.position, path.direction, zero, sent, nothing, black, bits, inside, path.body)
+    connection = Connection(point.position, path.direction, zero, sent, nothing, (zero, zero, zero), bits, inside, path.body)
     shading = ShadingContext(point, shader, viewer, path.inside, event)
     if depth > options.bounces:
         ended = Scattered(path.direction, (zero, zero, zero), zero + ONLY, nothing)
@@ -90,7 +90,7 @@ def shade_vertex(
     lit, interpolated = vertex_light(inputs.vertices, tables, point, hit, surfaces)
     sent = _add_local(tables, inputs, options.links, sent, shading, path, surfaces, lit, interpolated)
     base = flights.surfaces(event, splits_lobe(inputs.photons, path.phase, shader))
-    gathered = _gather(inputs, shading, path, here, surfaces, base, direct)
+    gathered = _gather(inputs, shading, path, here, surfaces, base, direct, ahead)
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces
@@ -117,12 +117,12 @@ def shade_vertex(
 
 @helper
 def _gather(
-    inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, surfaces: Lane, base: Lane, direct: PathSample
+    inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, surfaces: Lane, base: Lane, direct: PathSample, ahead: Any
 ) -> Any:  # fmt: skip
     """The light of photons near the vertices of a mask, some of which are surfaces."""
     gathers, number = surfaces & (path.phase < photon_map.MATT), photon_number(direct)
     gathered = photon_map.estimate(inputs.photons, shading, inputs.uses, path.weight, gathers, base, direct.sample, number)
-    return photon_volume.at_collisions(photon_volume.of(inputs.photons), gathered, shading, path, here, direct)
+    return photon_volume.at_collisions(photon_volume.of(inputs.photons), gathered, shading, path, here, direct, ahead)
 
 
 @helper
@@ -181,6 +181,7 @@ def _continue(
     return PathState(
         origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader, shading.event), bits,
         flights.at_start(shading.event, None, density), body,
+        photon_volume.leaving(photon_volume.of(inputs.photons), None, tables, point, scattered.direction, inside),
     )  # fmt: skip
 
 

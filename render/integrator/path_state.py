@@ -46,6 +46,7 @@ class PathState(NamedTuple):
     links: Any = None  # light links of its origin, see links.bits_of; None in scenes without links
     near: Any = None  # distance at which it begins, behind an invisible boundary; None in scenes without scattering media
     body: Any = None  # colour, and factor of the radius, where it entered a body; None in scenes without bodies of varying colour
+    leaving: Any = None  # cosine at the boundary of the medium where it began, see photon_volume; None without photons in media
 
 
 class PathSample(NamedTuple):

@@ -22,8 +22,8 @@ from ..lanes.soa import PAD, compress_store
 from ..material import medium_stack
 from ..medium import phase
 from ..simd.registration import overload
-from ..types import Lane, Vec
-from . import photon_map
+from ..types import Lane, Surface, Tables, Vec
+from . import flights, photon_map
 from .path_state import PathSample, PathState, photon_number
 from .photon_map import (
     FIRST,
@@ -46,9 +46,11 @@ from .photon_map import (
     slot_of,
 )
 from .records import ShadingContext
+from .wave_memory import FAR
 
 NEIGHBOURS = 16.0  # photons in the ball of one, for FIRST of them in a map and in all
 SHRINKING = -3.0 / 7.0  # exponent of their number: noise falls as 1 / (N r³), bias as r²
+LEAST_SIDE = 0.25  # share of a ball within a medium, below which its light is not raised further
 CODE = 2.0  # last column of a stored photon: CODE + the number of its medium; below CODE it is on a surface
 
 
@@ -76,6 +78,8 @@ class Point(NamedTuple):
     weight: Vec  # of the path
     anisotropy: Lane
     medium: Lane  # int
+    behind: Lane  # distance to the plane of the boundary where the path entered the medium
+    ahead: Lane  # and to that where it would leave it
 
 
 def empty(kind: type) -> Volume:
@@ -166,15 +170,18 @@ def _of_in_kernels(maps):
 
 
 @helper
-def _at_collisions(volume: Any, plain: Gathered, shading: ShadingContext, path: PathState, here: Lane, index: PathSample) -> Gathered:
+def _at_collisions(
+    volume: Any, plain: Gathered, shading: ShadingContext, path: PathState, here: Lane, index: PathSample, ahead: tuple[Lane, Lane]
+) -> Gathered:  # fmt: skip
     event: Any = shading.event
     gathers = here & event.scattered & (path.phase < MATT)
     if len(volume.key) == 0 or ops.not_(ops.any_lane(gathers)):
         return plain
     position = event.position
+    t = ops.dot(ops.sub(position, path.origin), path.direction)
     point = Point(
         ops.sub(position, (volume.origin[0], volume.origin[1], volume.origin[2])), shading.viewer, path.weight, event.anisotropy,
-        ops.where(gathers, medium_stack.top(path.inside), 0),
+        ops.where(gathers, medium_stack.top(path.inside), 0), (t - path.near) * path.leaving, (ahead[0] - t) * ahead[1],
     )  # fmt: skip
     chosen = _gather_levels(volume, point, gathers, index.sample, photon_number(index))
     row, n = chosen.row, len(volume.key)
@@ -188,7 +195,25 @@ def _at_collisions(volume: Any, plain: Gathered, shading: ShadingContext, path: 
 
 
 at_collisions = specialize_if_present(_at_collisions)
-"""(volume maps, Gathered, shading, path, vertices, index): with the light of photons near collisions in media."""
+"""(volume maps, Gathered, shading, path, vertices, index, wall): with the light of photons near collisions in media."""
+
+
+@helper
+def _leaving(volume: Any, plain: Any, tables: Tables, point: Surface, direction: Vec, inside: Lane) -> Lane:
+    return flights.boundary_cosine(tables, point, direction, inside)
+
+
+leaving = specialize_if_present(_leaving)
+"""(volume maps, None, tables, point, direction, stack): see PathState.leaving."""
+
+
+@helper
+def _wall(volume: Any, plain: Any, tables: Tables, path: PathState, point: Surface, t: Lane) -> tuple[Lane, Lane]:
+    return ops.where(t < FAR, t, FAR), flights.boundary_cosine(tables, point, path.direction, path.inside)
+
+
+wall = specialize_if_present(_wall)
+"""(volume maps, None, tables, path, point, t): (distance of the next surface, cosine there; FAR if it does not bound the medium)."""
 
 
 @helper
@@ -275,6 +300,18 @@ def _photon_light(volume: Any, row: Lane, same: Lane, point: Point) -> Vec:
     left = 1.0 - ops.dot(off, off) * volume.inverse[row]
     near = same & (left > 0.0) & (volume.medium[row] == point.medium)
     toward = (volume.toward[row], volume.toward[row + n], volume.toward[row + 2 * n])
+    left = left / ops.maximum(_side(point.behind, volume.inverse[row]) + _side(point.ahead, volume.inverse[row]) - 1.0, LEAST_SIDE)
     share = ops.where(near, left * phase.density(point.anisotropy, -ops.dot(toward, point.viewer)), 0.0)
     power = (volume.power[row], volume.power[row + n], volume.power[row + 2 * n])
     return ops.scale(ops.mul(point.weight, power), share)
+
+
+@helper
+def _side(distance: Lane, inverse: Lane) -> Lane:
+    """The share of a ball's weight, 1 − d²/r², on this side of a plane: there are no photons of a medium beyond its boundary.
+
+    The weight at a height z of a ball of radius 1 is as (1 − z²)². Lookups divide by its integral (Diggle 1985, edge correction).
+    """
+    u = ops.clip(distance * ops.sqrt(inverse), 0.0, 1.0)
+    squared = u * u
+    return 0.5 + 0.9375 * u * (1.0 - squared * (2.0 / 3.0) + squared * squared * 0.2)

@@ -17,6 +17,7 @@ from ..types import Lane, Vec
 from . import path_reuse
 
 STATE = 11  # rows of a path: origin, direction, weight, density, and its phase, or 1 where it is straight
+FAR = 1e9  # in place of a cosine where a ray enters no medium
 ASKED = 10  # rows of a shadow ray: origin, direction, distance, light
 START, BEND, END, LIGHT, STRAIGHT, BENT, ESTIMATE = 0, 3, 6, 9, 12, 13, 14  # rows of an estimate from photons, and their number
 
@@ -36,6 +37,7 @@ class WaveMemory(NamedTuple):
     light: Any  # (4 · ROW,) float: radiance of each slot, red, green, blue and coverage
     items: Any  # (6 · ROW,) int: x, y, sample, place in the tile, and x, y that number the range of the Sobol sequence, by slot
     near: Any  # (2 · ROW,) float: where camera rays begin, and those that passed invisible boundaries
+    leaving: Any  # (2 · ROW,) float: cosines where rays entered a medium, see PathState
     inside: Any  # (2 · ROW,) int: medium stacks of the rays, in scenes with media
     facing: Any  # (2 · 3 · ROW,) float: the normals at the origins of rays, in scenes with many lights
     links: Any  # (2 · ROW,) int: light links of the origins of rays, in scenes with links
@@ -58,8 +60,8 @@ class WaveMemory(NamedTuple):
         return cls(
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole),
             row(ESTIMATE, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(6, whole), row(2, kind), row(2, whole), row(2 * 3, kind), row(2, whole), row(1, whole), row(1, whole),
-            row(2 * 4, kind), row(4, kind),
+            row(4, kind), row(6, whole), row(2, kind), row(2, kind), row(2, whole), row(2 * 3, kind),
+            row(2, whole), row(1, whole), row(1, whole), row(2 * 4, kind), row(4, kind),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -107,6 +109,12 @@ def _store_optional3(value: Vec, plain: Any, rows: Any, at: int, going: Lane) ->
     compress_store3(rows, at, value, going)
 
 
+@helper
+def _load_leaving(volume: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
+    cosine = simd.load(memory.leaving, at)
+    return 0.0 * cosine + FAR if depth == 0 else cosine
+
+
 def load_facing(below: Any, memory: Any, at: int) -> Any:
     raise NotImplementedError
 
@@ -132,6 +140,8 @@ def _load_near(table: Any, plain: Any, memory: Any, at: int) -> Lane:
 
 load_near = specialize_if_present(_load_near)
 """(scattering media, plain, memory, at): where rays begin; `plain` in scenes without such media."""
+load_leaving = specialize_if_present(_load_leaving)
+"""(volume maps, None, memory, at, depth): the cosines at the boundaries where rays entered media; FAR for camera rays."""
 load_links = specialize_if_present(_load_links)
 """(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
 load_medium = specialize_if_present(_load_medium)

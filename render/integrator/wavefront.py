@@ -22,7 +22,7 @@ from ..sampling import sobol
 from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, place_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
-from . import flights, path_reuse, photon_map
+from . import flights, path_reuse, photon_map, photon_volume
 from .path import shade_vertex
 from .path_emission import environment_radiance, weigh_glow
 from .path_state import Connection, PathSample, PathState
@@ -39,6 +39,7 @@ from .wave_memory import (
     STRAIGHT,
     load_body,
     load_facing,
+    load_leaving,
     load_links,
     load_medium,
     load_near,
@@ -283,6 +284,7 @@ def _load_path(scene: Any, options: Any, memory: Any, source: int, i: int, depth
         load_links(options.links, None, memory, source * ROW + i, depth),
         load_near(medium_stack.scattering(tables), None, memory, source * ROW + i),
         load_body(medium_stack.initial_body(tables, density), None, memory.body, source * 4 * ROW + i, depth),
+        load_leaving(photon_volume.of(scene.light.photons), None, memory, source * ROW + i, depth),
     )  # fmt: skip
 
 
@@ -300,6 +302,7 @@ def _push_path(memory: Any, target: int, kept: int, onward: PathState, item: Any
     store_optional(onward.links, None, memory.links, at, going)
     store_optional(onward.near, None, memory.near, at, going)
     store_body(onward.body, None, memory.body, target * 4 * ROW + kept, going)
+    store_optional(onward.leaving, None, memory.leaving, at, going)
     store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + kept, going)
 
 

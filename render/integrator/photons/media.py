@@ -29,7 +29,7 @@ from .emission import emitter_of
 DEEP = tracking.SEGMENTS * (tracking.MOST_SEGMENTS + 2)  # depth that numbers the first flight of a photon; those of paths are below it
 KEPT = 3 << 18  # first dimension of the numbers that choose which photons are stored
 MOST_PLACES = 64  # lights whose surrounding media are searched
-MOST_STORED = 8.0  # photons in media for each that is emitted, on average
+EACH, MOST_STORED = 8.0, 1 << 23  # most collisions that are stored for each photon, on average, and of a round
 
 
 def stacks(table: Emitters, chosen: NDArray[np.bool_], outside: int, search: Any) -> NDArray[np.int64]:

@@ -96,7 +96,7 @@ class Tracer:
         self.width = 0.5 * float(radii.max()) if len(radii) else 0.05 * aims.reach  # of the coarsest cells
         self.reach = float(aims.reach)
         self.scatters = isinstance(aims.inside, np.ndarray)
-        self.volume_width, self.share = 0.0, 1.0  # of the coarsest cells in media; of the photons there that are stored
+        self.volume_width, self.collisions = 0.0, 0.0  # of the coarsest cells in media; there, of each photon
 
     def ready(self) -> None:
         """Compile or load the kernel."""
@@ -125,7 +125,8 @@ class Tracer:
     def widen(self, frame: Handle) -> None:
         """Make the coarsest cells wide enough for the disks of nearly all photons."""
         landed, _ = self._trace(FIRST_PILOT - 1, 1, int(photon_map.FIRST), frame)
-        self.width = photon_map.coarsest_width(landed[0], self.width, WIDEST * self.reach)
+        on_surfaces = photon_volume.split(landed[0])[0] if self.scatters else landed[0]
+        self.width = photon_map.coarsest_width(on_surfaces, self.width, WIDEST * self.reach)
 
     def _build(self, landed: list[NDArray[np.float32]], each: int, so_far: int, origin: NDArray[Any]) -> photon_map.Maps:
         if not self.scatters:
@@ -135,17 +136,18 @@ class Tracer:
         of_media = [part[1] for part in parts]
         return maps._replace(volume=photon_volume.build(of_media, each, so_far, self.volume_width, origin, self.kind, self.threads))
 
-    def _sound(self, frame: Handle) -> None:
-        """Choose which share of the photons in media is stored, and the width of their coarsest cells."""
+    def _sound(self) -> None:
+        """Measure how often photons scatter in media, and choose the width of the coarsest cells there."""
         if self.scatters and self.volume_width == 0.0:
             self.volume_width = self.width  # also ends this
-            landed = photon_volume.split(self._trace(FIRST_PILOT - 2, 1, SOUNDING, frame)[0][0])[1]
-            self.share = min(1.0, media.MOST_STORED * SOUNDING / max(len(landed), 1))
+            landed = photon_volume.split(self._trace(FIRST_PILOT - 2, 1, SOUNDING, self.frame)[0][0])[1]
+            self.collisions = len(landed) / SOUNDING
             self.volume_width = photon_map.coarsest_width(landed, self.width, WIDEST * self.reach)
 
     def _trace(self, first: int, count: int, each: int, frame: Handle) -> tuple[list[NDArray[np.float32]], NDArray[Any]]:
         """Trace so many photons for each of `count` maps, from number `first` on; return those to be stored, and their origin."""
-        self._sound(frame)
+        self._sound()
+        share = min(1.0, min(media.EACH, media.MOST_STORED / (each * count)) / max(self.collisions, 1e-9))  # of these, that is stored
         jobs = [(first + k, start, min(BLOCK, each - start)) for k in range(count) for start in range(0, each, BLOCK)]
         seed = frame.tables.options.seed
         shift = np.random.default_rng([seed & 0xFFFFFFFF, first]).random(3)  # cell edges differ from round to round
@@ -156,7 +158,7 @@ class Tracer:
             number, start, some = job
             if not hasattr(self.local, "memory"):
                 self.local.memory = Handle(WaveMemory.of(self.kind))
-            batch, space = Batch(number, start, some, each, self.share), SPACE * BLOCK
+            batch, space = Batch(number, start, some, each, share), SPACE * BLOCK
             while True:
                 rows = np.empty((COLUMNS, space + PAD), np.float32)
                 kept = trace_block(self.accel, self.scene, frame, self.aims, batch, origin, self.local.memory, rows)
@@ -264,7 +266,7 @@ def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -
     zero = 0.0 * start[0]
     inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
     near = load_near(table, None, memory, at)
-    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near), number, index
+    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near, None), number, index
 
 
 @helper
@@ -323,7 +325,7 @@ def _scatter(
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, to)
     origin = interaction.offset_origin(point, to)
     near = flights.at_start(event, None, path.density)
-    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near), going
+    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, None), going
 
 
 def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:

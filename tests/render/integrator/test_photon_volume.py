@@ -9,6 +9,8 @@ from typing import Any
 import maquette
 import numpy as np
 import pytest
+from maquette.compiler import ir, load
+from maquette.compiler.plan import plan as planner
 from maquette.render.material import fresnel
 
 
@@ -34,9 +36,9 @@ def along(length: float, extinction: np.ndarray) -> np.ndarray:
     return (1 - np.exp(-extinction * length)) / extinction
 
 
-SCATTERING, ABSORPTION = np.array([4e-4, 3e-4, 2e-4]), np.array([0.2, 0.4, 0.8])
+SCATTERING, ABSORPTION = np.array([4e-4, 3e-4, 2e-4]), np.array([0.4, 0.6, 0.8])
 EXTINCTION = SCATTERING + ABSORPTION
-MEDIUM = "medium(scattering: [0.0004, 0.0003, 0.0002], absorption: [0.2, 0.4, 0.8], phase: 0.4)"
+MEDIUM = "medium(scattering: [0.0004, 0.0003, 0.0002], absorption: [0.4, 0.6, 0.8], phase: 0.4)"
 
 
 def test_the_sun_through_a_slab_of_glass(tmp_path: Path) -> None:
@@ -48,24 +50,24 @@ def test_the_sun_through_a_slab_of_glass(tmp_path: Path) -> None:
     r = reflectance(math.acos(0.8), 1.5)
     arrives = 10 * (1 - r) / (1 + r) * np.exp(-EXTINCTION * (1.65 - 1) / 0.8)
     expected = arrives * SCATTERING * henyey(0.4, 0) * along(3, EXTINCTION)
-    picture = seen(tmp_path, text, size=(32, 32), samples=1024)
-    assert picture.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)
-    assert seen(tmp_path, text, plan={"transport.caustics": "paths"}).max() < 1e-9
+    light = np.mean([seen(tmp_path, text, size=(32, 32), samples=512, seed=k).mean(axis=(0, 1)) for k in range(4)], axis=0)
+    assert light == pytest.approx(expected, rel=0.03)
+    assert seen(tmp_path, text, samples=64, plan={"transport.caustics": "paths"}).mean() < 1e-3 * expected.mean()
 
 
 def test_a_beam_through_a_flat_interface(tmp_path: Path) -> None:
     """Sunlight enters water from above and scatters once before a camera in it. Radiance is not scaled by n²."""
     n, height = 1.33, 2.0
-    text = f"box([30, {2 * height}, 30], material: glass(ior: {n}), medium: {MEDIUM})\n"
+    text = f"box([24, {2 * height}, 24], material: glass(ior: {n}), medium: {MEDIUM})\n"
     text += "plane(y: -1.9, material: lambert(0))\nsun(from: [0.6, 0.8, 0], illuminance: 10, angle: 0.01deg)\n"
     text += "camera(position: [0, 1, 0], look_at: [-3, 1, 0], fov: 0.2deg)\nrender(bounces: 16)\n"
     sine = 0.6 / n
     cosine = math.sqrt(1 - sine * sine)
     enters = 10 * (1 - reflectance(math.acos(0.8), n)) * 0.8 / cosine
     arrives = enters / n**2 * np.exp(-EXTINCTION * (height - 1) / cosine)
-    expected = arrives * SCATTERING * henyey(0.4, -sine) * along(15, EXTINCTION)
-    picture = seen(tmp_path, text, size=(32, 32), samples=1024)
-    assert picture.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)
+    expected = arrives * SCATTERING * henyey(0.4, -sine) * along(12, EXTINCTION)
+    light = np.mean([seen(tmp_path, text, size=(32, 32), samples=512, seed=k).mean(axis=(0, 1)) for k in range(4)], axis=0)
+    assert light == pytest.approx(expected, rel=0.03)
 
 
 LAMP = "sphere(0.35, center: [-1, 2.7, 0.4], material: emissive(1, luminance: 20))\nplane(y: 0, material: lambert(0.5))\n"
@@ -111,11 +113,32 @@ def test_photons_in_media_have_the_same_bits_on_any_number_of_threads(tmp_path: 
 
 
 def test_a_lamp_in_a_bulb_lights_the_fog(tmp_path: Path) -> None:
-    """All its light passes the glass: paths find it by chance, photons carry it. The two agree; without shadows of the bulb in the fog."""
-    text = "difference(material: glass(ior: 1.5)) { sphere(0.5)  sphere(0.45) }\nsphere(0.2, material: emissive(1, luminance: 20))\n"
+    """All its light passes the glass: paths find it by chance, photons carry it. The two agree."""
+    text = "difference(material: glass(ior: 1.5)) {\n  sphere(0.5)\n  sphere(0.45)\n}\nsphere(0.2, material: emissive(1, luminance: 20))\n"
     text += "fog(scattering: 0.1, absorption: 0.1, phase: 0, top: 100m)\ncamera(position: [0, 2, 6], look_at: [0, 2, 0], fov: 4deg)\n"
     ways = [
         seen(tmp_path, text, samples=n, size=(16, 16), plan={"transport.caustics": way}).mean()
         for way, n in (("paths", 1024), ("photons", 64))
     ]
     assert ways[1] == pytest.approx(ways[0], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("scene", "carrier"),
+    [
+        (BALL + "fog(visibility: 12)\nsun(from: [1, 2, 1])\n", "photons"),
+        ("box([1, 1, 1], material: glass(ior: 1.33), medium: medium(scattering: 3))\npoint([0, 3, 0])\n", "photons"),
+        ("box([6, 6, 6], medium: medium(scattering: 3))\npoint([0, 1, 0])\nsphere(1, material: lambert(1))\n", "paths"),  # nothing focuses
+        (BALL + "fog(visibility: 12)\narea([0, 3, 0], look_at: [0, 0, 0], size: [5, 5])\n", "paths"),  # a large light
+        (BALL + "fog(visibility: 12)\nsky()\n", "paths"),
+        (
+            "box([1, 1, 1], material: glass(), medium: medium(scattering: 0, absorption: 3))\npoint([0, 3, 0])\n",
+            "paths",
+        ),  # nothing scatters
+    ],
+)
+def test_the_plan_carries_light_of_small_lights_that_glass_focuses_into_media(tmp_path: Path, scene: str, carrier: str) -> None:
+    path = tmp_path / "a.scene"
+    path.write_text(scene, encoding="utf-8")
+    plan = planner.make_plan(load.load(path), ir.Settings(bounces=16))
+    assert plan["transport.caustics"] == carrier

@@ -17,6 +17,8 @@ from ..ir import light_links
 from . import dome_spots, scene_facts
 
 SMALL = 0.3  # steradians as seen from a caster, below which paths hit a light too seldom (one in twenty of a hemisphere)
+SMALL_FOR_DENSE = 0.1  # the same for a caster with a dense medium: light that scatters in it often has many chances to hit a light
+DENSE = 10.0  # free paths across a caster's medium, from which it is dense
 FAINT = 0.1  # least reflectance that photons are aimed by: highlights reflect more at grazing angles
 CARRIERS = ("photons", "paths")
 
@@ -64,7 +66,7 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
     lit = tables.lights
     centre, radius = bounding_spheres(tables)
     mirrors = gathering(tables)
-    small = math.inf if all_sizes else SMALL
+    small = math.inf if all_sizes else SMALL_FOR_DENSE if holds_dense_medium(tables) else SMALL
     chosen = ir.is_in(lit.kind, PLACED + DISTANT) & lit.shadows & (lit.color.max(axis=1, initial=0.0) > 0.0)
     chosen &= lit.falloff == ir.FalloffKind.INVERSE_SQUARE
     for k in np.flatnonzero(chosen):
@@ -84,6 +86,15 @@ def caustic_lights(tables: ir.Tables, all_sizes: bool = False) -> tuple[np.ndarr
         near = _fills(centre[i], radius[i], centre[others], radius[others])
         shining[i] = near < small or (not mirrors[i] and bool(enclosing(tables, centre[None, i])[0]))
     return chosen, shining
+
+
+def holds_dense_medium(tables: ir.Tables) -> bool:
+    """Whether a caustic caster is around a medium in which light scatters DENSE times and more: photons are as slow there as paths."""
+    mirrors, radius = gathering(tables), bounding_spheres(tables)[1]
+    row = tables.materials.medium[tables.instances.material]
+    held = mirrors & (row >= 0)
+    paths = 2.0 * radius[held] * tables.media.scattering[row[held]].max(axis=1, initial=0.0)
+    return bool((np.where(np.isfinite(paths), paths, math.inf) >= DENSE).any())
 
 
 def bright_spots(tables: ir.Tables) -> dome_spots.Spots | None:
@@ -139,7 +150,8 @@ def carrier(tables: ir.Tables, transport: str, backend: str, moves: bool) -> tup
     count = int(small.sum() + shining.sum())
     if not count and spots is None:
         possible = any(lights.any() for lights in caustic_lights(tables, all_sizes=True))
-        reason = "all lights are large as seen from caustic casters: paths hit them"
+        limit = f" around a dense medium (over {SMALL_FOR_DENSE:g} sr)" if holds_dense_medium(tables) else ""
+        reason = f"all lights are large as seen from caustic casters{limit}: paths hit them"
         return "paths", reason, CARRIERS if possible else chance
     lights = [] if count == 0 else ["1 small light"] if count == 1 else [f"{count} small lights"]
     if spots is not None:

@@ -176,25 +176,23 @@ def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, 
         (passes & path.straight) | (ops.not_(passes) & onward.straight), ops.where(passes, inside, onward.inside),
         ops.where(passes, path.phase, onward.phase), choose_facing(path.facing, onward.facing, passes),
         choose_links(path.links, onward.links, passes), ops.where(passes, behind(point, path.direction, t), onward.near),
-        bodies.choose(path.body, onward.body, passes),
-        _leave(onward.leaving, None, tables, point, path.direction, inside, passes),
+        bodies.choose(path.body, onward.body, passes), _leave(onward.leaving, None, point, path, inside, passes),
     )  # fmt: skip
     return passed, plain[1] | (passes & (ops.largest(path.weight) > 0.0))
 
 
 @helper
-def _leave_boundary(plain: Lane, absent: Any, tables: Tables, point: Surface, direction: Vec, inside: Lane, passes: Lane) -> Lane:
-    return ops.where(passes, boundary_cosine(tables, point, direction, inside), plain)
+def _leave_boundary(plain: Lane, absent: Any, point: Surface, path: PathState, inside: Lane, passes: Lane) -> Lane:
+    return ops.where(passes, boundary_cosine(point, path.direction, path.inside, inside), plain)
 
 
 _leave = specialize_if_present(_leave_boundary)
 
 
 @helper
-def boundary_cosine(tables: Tables, point: Surface, direction: Vec, inside: Lane) -> Lane:
-    """The cosine of a ray at a boundary of the medium of a stack; FAR at other surfaces."""
-    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
-    bounds = ops.to_int(table.number[point.material]) == medium_stack.top(inside)
+def boundary_cosine(point: Surface, direction: Vec, before: Lane, after: Lane) -> Lane:
+    """The cosine of a ray where the medium changes from that of one stack to that of another; FAR at other surfaces."""
+    bounds = medium_stack.top(before) != medium_stack.top(after)
     return ops.where(bounds, ops.absolute(ops.dot(direction, point.geometric)), FAR)
 
 

@@ -181,7 +181,7 @@ def _continue(
     return PathState(
         origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader, shading.event), bits,
         flights.at_start(shading.event, None, density), body,
-        photon_volume.leaving(photon_volume.of(inputs.photons), None, tables, point, scattered.direction, inside),
+        photon_volume.leaving(photon_volume.of(inputs.photons), None, point, scattered.direction, path.inside, inside),
     )  # fmt: skip
 
 

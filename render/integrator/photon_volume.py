@@ -199,17 +199,18 @@ at_collisions = specialize_if_present(_at_collisions)
 
 
 @helper
-def _leaving(volume: Any, plain: Any, tables: Tables, point: Surface, direction: Vec, inside: Lane) -> Lane:
-    return flights.boundary_cosine(tables, point, direction, inside)
+def _leaving(volume: Any, plain: Any, point: Surface, direction: Vec, before: Lane, after: Lane) -> Lane:
+    return flights.boundary_cosine(point, direction, before, after)
 
 
 leaving = specialize_if_present(_leaving)
-"""(volume maps, None, tables, point, direction, stack): see PathState.leaving."""
+"""(volume maps, None, point, direction, stack before it, and after it): see PathState.leaving."""
 
 
 @helper
 def _wall(volume: Any, plain: Any, tables: Tables, path: PathState, point: Surface, t: Lane) -> tuple[Lane, Lane]:
-    return ops.where(t < FAR, t, FAR), flights.boundary_cosine(tables, point, path.direction, path.inside)
+    after = medium_stack.cross_boundary(path.inside, None, tables, point, path.direction)
+    return ops.where(t < FAR, t, FAR), flights.boundary_cosine(point, path.direction, path.inside, after)
 
 
 wall = specialize_if_present(_wall)

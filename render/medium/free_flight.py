@@ -132,5 +132,5 @@ def scattering_at(table: Any, tables: Tables, number: Lane, place: Vec) -> Vec:
     """The scattering coefficient per metre of the media of these numbers at a place."""
     red, green, blue, _ = row_gather.four_at(table.scattering, number)
     plain = column.density_at(place[1], 0.0 * place[1] + table.top[number], 0.0 * place[1] + table.falloff[number])
-    density = tracking.density_at(table.fields, plain, tables, number, place)
+    density = tracking.density_at_place(table.fields, plain, tables, number, place)
     return (red * density, green * density, blue * density)

@@ -296,10 +296,10 @@ def _at(fields: Any, plain: Lane, tables: Tables, number: Lane, place: Vec) -> L
         return plain
     still = 0.0 * place[0]
     ray = (place, (still, still, still), still, still)
-    return ops.where(inside, _density(tables, fields, ops.where(inside, number, 0), ray, still), plain)
+    return ops.where(inside, density_at(tables, fields, ops.where(inside, number, 0), ray, still), plain)
 
 
-density_at = specialize_if_present(_at)  # (fields, density in closed form, tables, number, place) → density
+density_at_place = specialize_if_present(_at)  # (fields, density in closed form, tables, number, place) → density
 fly = specialize_if_present(_fly)
 """(fields, flight in closed form, tables, table, number, (origin, direction, near, far), throughput, key) → flight."""
 transmit = specialize_if_present(_transmit)

@@ -16,6 +16,7 @@ from ....compiler.plan import caustic_casters
 from ...light import dome_spots, emitter_table
 from ...light.emitter_table import Emitters
 from ...light.form_samples import DISK, DISTANT, RECTANGLE, SKY, TRIANGLE
+from ...medium import emitting_cells
 
 F64 = NDArray[np.float64]
 TARGETS = 32  # most balls; further ones are merged
@@ -52,7 +53,7 @@ def carried_by_photons(tables: ir.Tables, table: Emitters, spots: Any, all_sizes
         lamp = np.flatnonzero((np.arange(len(light)) > table.first[i]) & light)
         end = min([len(carried), *later.tolist(), *lamp.tolist()])
         carried[table.first[i] : end] = True
-    return carried
+    return carried & (table.kind != emitting_cells.KIND)
 
 
 def photon_targets(tables: ir.Tables, table: Emitters, spots: Any, chosen: NDArray[np.bool_]) -> Aims | None:

@@ -123,18 +123,21 @@ def test_a_lamp_in_a_bulb_lights_the_fog(tmp_path: Path) -> None:
     assert ways[1] == pytest.approx(ways[0], rel=0.05)
 
 
+WATER = "box([1, 1, 1], material: glass(ior: 1.33), medium: medium(scattering: {scattering}))\n"
+GLOBE = "sphere(0.5, center: [0, 3, 0], material: emissive(1))\n"
+
+
 @pytest.mark.parametrize(
     ("scene", "carrier"),
     [
         (BALL + "fog(visibility: 12)\nsun(from: [1, 2, 1])\n", "photons"),
-        ("box([1, 1, 1], material: glass(ior: 1.33), medium: medium(scattering: 3))\npoint([0, 3, 0])\n", "photons"),
+        (WATER.format(scattering=3) + "point([0, 3, 0])\n", "photons"),
+        (WATER.format(scattering=2) + GLOBE, "photons"),
+        (WATER.format(scattering=20) + GLOBE, "paths"),  # light scatters 34 times, and has chances enough to find a lamp of 0.2 sr
+        (WATER.format(scattering="0, absorption: 3") + "point([0, 3, 0])\n", "paths"),  # nothing scatters
         ("box([6, 6, 6], medium: medium(scattering: 3))\npoint([0, 1, 0])\nsphere(1, material: lambert(1))\n", "paths"),  # nothing focuses
         (BALL + "fog(visibility: 12)\narea([0, 3, 0], look_at: [0, 0, 0], size: [5, 5])\n", "paths"),  # a large light
         (BALL + "fog(visibility: 12)\nsky()\n", "paths"),
-        (
-            "box([1, 1, 1], material: glass(), medium: medium(scattering: 0, absorption: 3))\npoint([0, 3, 0])\n",
-            "paths",
-        ),  # nothing scatters
     ],
 )
 def test_the_plan_carries_light_of_small_lights_that_glass_focuses_into_media(tmp_path: Path, scene: str, carrier: str) -> None:

@@ -235,9 +235,9 @@ def test_both_backends_draw_the_same_media(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     ours, plain = (
         maquette.load(path)
-        .render(size=(24, 16), samples=2, bounces=16, denoise=False, backend=backend, plan={"transport.caustics": "paths"})
+        .render(size=(24, 16), samples=2, bounces=16, denoise=False, backend=backend, plan=plan)
         .channels["rgba"]
-        for backend in ("ray", "reference")
+        for backend, plan in (("ray", {"transport.caustics": "paths"}), ("reference", {}))
     )
     assert np.mean(np.abs(ours - plain)) < 1e-3
 

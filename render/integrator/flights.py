@@ -58,8 +58,7 @@ def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, 
 def _weighted(flown: Flown, path: PathState) -> PathState:
     return PathState(
         path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
-        path.body,
-        path.leaving,
+        path.body, path.leaving,
     )  # fmt: skip
 
 

@@ -68,8 +68,7 @@ def shade_vertex(
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
     path = PathState(
         path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
-        path.body,
-        path.leaving,
+        path.body, path.leaving,
     )  # fmt: skip
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
     surfaces = flights.surfaces(event, here)

@@ -20,7 +20,7 @@ from ..jit.kernel import helper, kernel, noinline_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import PAD, compress_store
 from ..material import medium_stack
-from ..medium import phase
+from ..medium import phase, phase_table
 from ..simd.registration import overload
 from ..types import Lane, Surface, Tables, Vec
 from . import flights, photon_map
@@ -77,6 +77,7 @@ class Point(NamedTuple):
     viewer: Vec  # unit
     weight: Vec  # of the path
     anisotropy: Lane
+    draine: Any  # phase_table.Draine, or NoDraine
     medium: Lane  # int
     behind: Lane  # distance to the plane of the boundary where the path entered the medium
     ahead: Lane  # and to that where it would leave it
@@ -181,6 +182,7 @@ def _at_collisions(
     t = ops.dot(ops.sub(position, path.origin), path.direction)
     point = Point(
         ops.sub(position, (volume.origin[0], volume.origin[1], volume.origin[2])), shading.viewer, path.weight, event.anisotropy,
+        event.draine,
         ops.where(gathers, medium_stack.top(path.inside), 0), (t - path.near) * path.leaving, (ahead[0] - t) * ahead[1],
     )  # fmt: skip
     chosen = _gather_levels(volume, point, gathers, index.sample, photon_number(index))
@@ -302,7 +304,9 @@ def _photon_light(volume: Any, row: Lane, same: Lane, point: Point) -> Vec:
     near = same & (left > 0.0) & (volume.medium[row] == point.medium)
     toward = (volume.toward[row], volume.toward[row + n], volume.toward[row + 2 * n])
     left = left / ops.maximum(_side(point.behind, volume.inverse[row]) + _side(point.ahead, volume.inverse[row]) - 1.0, LEAST_SIDE)
-    share = ops.where(near, left * phase.density(point.anisotropy, -ops.dot(toward, point.viewer)), 0.0)
+    cosine = -ops.dot(toward, point.viewer)
+    density = phase_table.density(point.draine, phase.density(point.anisotropy, cosine), point.medium, cosine)
+    share = ops.where(near, left * density, 0.0)
     power = (volume.power[row], volume.power[row + n], volume.power[row + 2 * n])
     return ops.scale(ops.mul(point.weight, power), share)
 

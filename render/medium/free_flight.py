@@ -128,9 +128,11 @@ transmit = specialize_if_present(_transmit)
 
 
 @helper
-def scattering_at(table: Any, tables: Tables, number: Lane, place: Vec) -> Vec:
+def scattering_at(table: Any, tables: Tables, number: Lane, place: Vec, body: Any) -> Vec:
     """The scattering coefficient per metre of the media of these numbers at a place."""
     red, green, blue, _ = row_gather.four_at(table.scattering, number)
     plain = column.density_at(place[1], 0.0 * place[1] + table.top[number], 0.0 * place[1] + table.falloff[number])
     density = tracking.density_at_place(table.fields, plain, tables, number, place)
-    return (red * density, green * density, blue * density)
+    zero = 0.0 * place[0]
+    back = (zero + red, zero + green, zero + blue)
+    return ops.scale(bodies.coefficients(table.bodies, (back, back), number, body)[1], density)

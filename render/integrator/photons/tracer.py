@@ -35,7 +35,7 @@ from ..path_state import PathState
 from ..photon_coverage import photon_covers_lobe
 from ..photon_map import COLUMNS, MAPS
 from ..wave_intersection import intersect_stage, load_hits, surface_at
-from ..wave_memory import STATE, WaveMemory, load_medium, load_near, store_optional
+from ..wave_memory import STATE, WaveMemory, load_body, load_medium, load_near, store_body, store_optional
 from . import media
 from .aims import Aims
 from .emission import emit
@@ -230,7 +230,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
     for i in range(0, n, crosslane.width(like)):
         active = simd.first_lanes(n - i, like)
         path, number, index = _load_photon(tables, memory, source, i, depth)
-        before, counts, key = path.weight, active & ((path.phase & (BENT | THROWN)) != 0), Key(number, index, depth, seed, 0)
+        before, counts, key = path.weight, active & ((path.phase & (BENT | THROWN)) != 0), Key(number, index, depth, seed, 0, path.body)
         hit, piece, hits = load_hits(memory, i, active)
         flown = media.fly(table, None, tables, path, active, counts, ops.where(hits, hit.t, np.inf), key)
         hits = flights.without_scattered(flown, hits)
@@ -266,7 +266,8 @@ def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -
     zero = 0.0 * start[0]
     inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
     near = load_near(table, None, memory, at)
-    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near, None), number, index
+    body = load_body(medium_stack.initial_body(tables, zero), None, memory.body, source * 4 * ROW + i, depth)
+    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near, body, None), number, index
 
 
 @helper
@@ -279,6 +280,7 @@ def _push_photon(memory: Any, target: int, kept: int, onward: PathState, number:
     compress_store3(memory.index, target * 3 * ROW + kept, (ops.to_int(onward.phase) + 0 * number, number, index), going)
     store_optional(onward.inside, None, memory.inside, at, going)
     store_optional(onward.near, None, memory.near, at, going)
+    store_body(onward.body, None, memory.body, target * 4 * ROW + kept, going)
 
 
 @helper
@@ -323,9 +325,10 @@ def _scatter(
     weight = ops.mul(power, ops.scale(weight, 1.0 / ops.maximum(chance, lights.TINY)))
     flags = ops.where(bent, BENT, 0) | ops.where(spread, SPREAD, 0) | ops.where(thrown, THROWN, 0)
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, to)
+    body = medium_stack.enter_body(path.body, None, tables, point, inside, to)
     origin = interaction.offset_origin(point, to)
     near = flights.at_start(event, None, path.density)
-    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, None), going
+    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, body, None), going
 
 
 def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...lang.diagnostics import Diagnostics
 from .. import ir
+from ..formula.tape import load_tape
 
 F64 = NDArray[np.float64]
 MOST_STEPS = 64  # between keys: 128 half turns
@@ -75,6 +76,7 @@ def add_motion(scene: ir.Scene, scene_at: Callable[[float], ir.Scene | None], di
 _NOT_BLURRED = (  # table, columns without motion blur, message
     ("lights", ("color", "position", "direction", "size", "cos_cone", "angle"), "this light moves or changes"),
     ("materials", ("values",), "this material changes"),
+    ("media", ("scattering", "absorption", "emission"), "this medium changes"),
     ("cameras", ("extent", "shift"), "this camera's lens changes"),
 )
 
@@ -210,6 +212,10 @@ def _warn_of_other_changes(scene: ir.Scene, others: list[ir.Scene], diagnostics:
     for table, columns, what in _NOT_BLURRED:
         for row in _changed(scene, others, table, columns):
             diagnostics.warning(f"{what} {end}", scene.spans.get(table, row))
+    densities = [_densities(s) for s in (scene, *others)]
+    for row, density in enumerate(densities[0]):
+        if any(row < len(other) and other[row] != density for other in densities[1:]):
+            diagnostics.warning(f"the density of this medium changes {end}", scene.spans.get("media", row), "move its shape instead")
     shapes = [_shapes(s) for s in (scene, *others)]
     for row in range(len(shapes[0])):
         if any(other[row] != shapes[0][row] for other in shapes[1:]):
@@ -224,6 +230,15 @@ def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple
             if len(those[0]) == len(rows[0]) and any((getattr(rows, c)[row] != getattr(those, c)[row]).any() for c in columns):
                 yield row
                 break
+
+
+def _densities(scene: ir.Scene) -> list[tuple[bytes, ...]]:
+    """A comparable description of the formula of each medium's density."""
+    t, made = scene.tables, []
+    for row in t.media.density.tolist():
+        tape = None if row < 0 or t.textures.tape[row] < 0 else load_tape(t, int(t.textures.tape[row]))
+        made.append(() if tape is None else (tape.structure(), tape.constants.tobytes()))
+    return made
 
 
 def _shapes(scene: ir.Scene) -> list[tuple[object, ...]]:

@@ -41,13 +41,13 @@ class Event(NamedTuple):
 
 
 @helper
-def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, t: Lane, index: PathSample) -> Flown:
+def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, t: Lane, index: PathSample, time: Any) -> Flown:
     zero = 0.0 * path.density
     number = ops.where(active, medium_stack.top(path.inside), 0)
     none = tracking.Flight(ops.bool_like(zero, False), t, (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero))
     if ops.not_(ops.any_lane(number > 0)):
         return Flown(path.weight, none.scattered, t, none.emitted)
-    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0, path.body)
+    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0, path.body, time)
     flight = free_flight.fly(table, none, tables, number, path.origin, path.direction, path.near, t, path.weight, key)
     return Flown(
         ops.mul(path.weight, flight.factor), active & (number > 0) & flight.scattered, flight.t, ops.mul(path.weight, flight.emitted)
@@ -206,7 +206,7 @@ def _choose(first: Lane, second: Lane, taken: Lane) -> Lane:
 
 
 choose_facing, choose_links = specialize_if_present(_choose3), specialize_if_present(_choose)
-fly = specialize_if_present(_fly)  # (table, None, tables, path, active, t of hits or inf, index) → Flown
+fly = specialize_if_present(_fly)  # (table, None, tables, path, active, t of hits or inf, index, time) → Flown
 weighted = specialize_if_present(_weighted)  # (flown, path) → the path after its flight
 without_scattered = specialize_if_present(_without_scattered)  # (flown, mask) → the mask without paths that scatter
 any_vertex = specialize_if_present(_any_vertex)  # (flown, surfaces) → surfaces and points of media

@@ -51,7 +51,7 @@ def radiance(
             hit = _pass_transparent(accel, tables, onward if depth else ray, hit, active, visible, index)
         missed, surfaces = active & (hit.instance < 0), active & (hit.instance >= 0)
         index = PathSample(pixel, sample, depth, options.seed)
-        flown = flights.fly(media, None, tables, path, active, np.where(surfaces, hit.t, np.inf), index)
+        flown = flights.fly(media, None, tables, path, active, np.where(surfaces, hit.t, np.inf), index, ray.time)
         path = flights.weighted(flown, path)
         missed, surfaces = flights.without_scattered(flown, missed), flights.without_scattered(flown, surfaces)
         if missed.any():
@@ -103,7 +103,8 @@ def _through_media(
         hits = going & (hit.instance >= 0) & (hit.t < distance)
         far = np.maximum(np.where(hits, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
-        key = tracking.Key(index.pixel, index.sample, tracking.depth_of_segment(index.depth, segment), index.seed, 1, connection.body)
+        of_segment = tracking.depth_of_segment(index.depth, segment)
+        key = tracking.Key(index.pixel, index.sample, of_segment, index.seed, 1, connection.body, shadow.time)
         white = tuple(np.ones(np.shape(distance)) for _ in range(3))
         share = free_flight.transmit(media, white, tables, np.where(collects, 0, number), ray.origin, ray.direction, near, far, key)
         if np.any(collects):

@@ -177,8 +177,9 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         number = ops.where(active, medium_stack.top(inside), 0)
         white = (0.0 * like + 1.0, 0.0 * like + 1.0, 0.0 * like + 1.0)
         collects = collecting(media, ops.bool_like(like, False), distance)
+        time = sobol.sample_time(pixel, sample, frame.options.seed, frame.shutter)
         if ops.any_lane(number > 0):
-            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1, body)
+            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1, body, time)
             ray = origin, direction, near, far
             passed = free_flight.transmit(table, white, tables, ops.where(collects, 0, number), origin, direction, near, far, of_ray)
             passed = _collect(media, passed, table, tables, memory, (number, distance, light, slot), ray, of_ray)
@@ -189,7 +190,6 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         going = hits & (ops.largest(light) > 0.0)
         if ops.not_(ops.any_lane(going)):
             continue
-        time = sobol.sample_time(pixel, sample, frame.options.seed, frame.shutter)
         point, hit = surface_at(tables, scene.primitives.records, origin, direction, hit, piece, hits, time)
         inside = medium_stack.cross_boundary(inside, None, tables, point, direction)
         going = going & ops.not_(collects & ops.not_(table.clear[point.material]))

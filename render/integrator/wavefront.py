@@ -236,7 +236,9 @@ def _shade_stage(scene, frame, memory, source, n, depth):
         slot, pixel, sample = load3(memory.index, source * 3 * ROW, 0, i)
         index = PathSample(pixel, sample, depth, options.seed)
         hit, piece, surfaces = load_hits(memory, i, active)
-        flown = flights.fly(medium_stack.scattering(tables), None, tables, path, active, ops.where(surfaces, hit.t, np.inf), index)
+        time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
+        end = ops.where(surfaces, hit.t, np.inf)
+        flown = flights.fly(medium_stack.scattering(tables), None, tables, path, active, end, index, time)
         path = flights.weighted(flown, path)
         missed = flights.without_scattered(flown, active & ops.not_(surfaces))
         surfaces = flights.without_scattered(flown, surfaces)
@@ -246,7 +248,6 @@ def _shade_stage(scene, frame, memory, source, n, depth):
         add_glow(flown, None, memory, slot, active, depth)
         if ops.not_(ops.any_lane(flights.any_vertex(flown, surfaces))):
             continue
-        time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
         point, hit = surface_at(tables, scene.primitives.records, path.origin, path.direction, hit, piece, surfaces, time)
         event = flights.event_of(flown, None, tables, path, point, surfaces)
         vertices = flights.vertices(event, surfaces)

@@ -128,7 +128,16 @@ def _fields(tables: ir.Tables, rows: np.ndarray, general: bool) -> tracking.Fiel
     if not grids and not general:
         return tracking.NoFields()
     majorants, all_voxels = (np.concatenate(parts) if parts else np.zeros(1) for parts in (grids, volumes))
-    return tracking.Fields(density, to_local, to_cells, cells, majorants, sizes, to_voxels, all_voxels)
+    return tracking.Fields(density, to_local, to_cells, cells, majorants, sizes, to_voxels, all_voxels, _moving(tables, rows))
+
+
+def _moving(tables: ir.Tables, rows: np.ndarray) -> NDArray[np.int64]:
+    """(n,) the moving transform of the shape around each medium, or -1."""
+    moving, instances = np.full(len(rows), -1, np.int64), tables.instances
+    for i in np.flatnonzero(tables.transforms.first_key[instances.transform] >= 0).tolist():
+        medium = int(tables.materials.medium[instances.material[i]])
+        moving[(rows == medium) & (medium >= 0)] = instances.transform[i]
+    return moving
 
 
 def _least_rate(tables: ir.Tables, rows: np.ndarray) -> np.ndarray:

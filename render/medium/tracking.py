@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from ..geometry import instance_transform
 from ..jit.kernel import helper, noinline_helper, specialize_if_present
-from ..lanes import ops, row_gather
+from ..lanes import affine, ops, row_gather
 from ..sampling import sobol
 from ..texture import procedural
 from ..types import Lane, Tables, Vec
@@ -40,6 +41,7 @@ class Fields(NamedTuple):
     sizes: Any  # (n, 4) int: voxels along x, y and z, and the first one; 0 of formulas
     to_voxels: Any  # (n, 12) rows of the matrix from the world to voxels, whose centres have integer coordinates
     voxels: Any  # (m,) densities, x fastest
+    moving: Any  # (n,) int: row of Transforms of a shape that may move, with which the density moves; -1: it stands still
 
 
 class Key(NamedTuple):
@@ -51,6 +53,7 @@ class Key(NamedTuple):
     seed: int
     kind: int  # 0: of a path, 1: of a shadow ray, PHOTON
     body: Any = None  # colour, and factor of the radius, where the path entered a body; see bodies.py
+    time: Any = None  # Ray.time; None in scenes without motion
 
 
 class Flight(NamedTuple):
@@ -86,6 +89,24 @@ def numbers(key: Key, step: int) -> tuple[Lane, Lane]:
 def depth_of_segment(depth: int, segment: int) -> int:
     """The depth that gives a segment of a shadow ray its random numbers."""
     return depth + SEGMENTS * (1 + segment % MOST_SEGMENTS)
+
+
+@helper
+def _follow(time: Lane, plain: Any, tables: Tables, fields: Any, number: Lane) -> Any:
+    """Rays at their time, in the world as it is at the scene's time; their distances stay."""
+    origin, direction, near, far = plain
+    row = ops.int_like(near, 0) + fields.moving[number]
+    moves = row >= 0
+    if ops.not_(ops.any_lane(moves)):
+        return plain
+    row = ops.where(moves, row, 0)
+    back, still = instance_transform.transform_at(tables, row, time).inverse, affine.load12(tables.transforms.matrix, row)
+    start = affine.transform_point12(still, affine.transform_point12(back, origin))
+    along = affine.transform_vector12(still, affine.transform_vector12(back, direction))
+    return ops.where3(moves, start, origin), ops.where3(moves, along, direction), near, far
+
+
+_in_motion = specialize_if_present(_follow)  # (time, ray, tables, fields, number)
 
 
 @helper
@@ -182,6 +203,7 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
         return plain
+    ray = _in_motion(key.time, ray, tables, fields, number)
     sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
     back_r, back_g, back_b, _ = row_gather.four_at(table.scattering, number)
     glow_r, glow_g, glow_b, _ = row_gather.four_at(table.emission, number)
@@ -233,6 +255,7 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
         return plain
+    ray = _in_motion(key.time, ray, tables, fields, number)
     sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
     walk = enter_grid(fields, number, ray)
     zero = 0.0 * walk.begin

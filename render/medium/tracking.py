@@ -148,6 +148,7 @@ def cell_at(fields: Any, walk: Walk, t: Lane) -> tuple[Lane, Lane]:
     y, out_y = _axis_cell(walk.origin[1], walk.direction[1], walk.sides[1], t)
     z, out_z = _axis_cell(walk.origin[2], walk.direction[2], walk.sides[2], t)
     index = ops.to_int((z * walk.sides[1] + y) * walk.sides[0] + x) + walk.first
+    index = ops.minimum(ops.maximum(index, 0 * index), 0 * index + (len(fields.majorants) - 1))  # lanes without a ray may hold anything
     leaves = ops.minimum(out_x, ops.minimum(out_y, out_z))
     return fields.majorants[index], ops.maximum(leaves, t + 1e-7 * (1.0 + ops.absolute(t)))
 
@@ -177,7 +178,9 @@ def density_at(tables: Tables, fields: Any, number: Lane, ray: Any, t: Lane) -> 
 @helper
 def _interpolate(fields: Any, number: Lane, p: Vec) -> Lane:
     """Trilinear interpolation of voxels; beyond the outer ones their density goes on."""
-    nx, ny, nz = fields.sizes[number, 0], fields.sizes[number, 1], fields.sizes[number, 2]
+    least = ops.int_like(p[0], 1)  # of lanes in media without voxels, which read the first one
+    nx, ny = ops.maximum(fields.sizes[number, 0], least), ops.maximum(fields.sizes[number, 1], least)
+    nz = ops.maximum(fields.sizes[number, 2], least)
     first = fields.sizes[number, 3]
     x, y, z = ops.maximum(p[0], 0.0), ops.maximum(p[1], 0.0), ops.maximum(p[2], 0.0)
     x, y, z = ops.minimum(x, ops.to_float(nx) - 1.0), ops.minimum(y, ops.to_float(ny) - 1.0), ops.minimum(z, ops.to_float(nz) - 1.0)
@@ -193,7 +196,9 @@ def _interpolate(fields: Any, number: Lane, p: Vec) -> Lane:
         if n >= 2:
             slab, share_z = ops.where(k + 1 < nz, k + 1, k), w
         base = first + ops.maximum((slab * ny + row) * nx, 0)
-        near_voxel, far_voxel = fields.voxels[base + i], fields.voxels[base + right]
+        last = 0 * base + (len(fields.voxels) - 1)
+        at_near, at_far = ops.maximum(base + i, 0 * base), ops.maximum(base + right, 0 * base)
+        near_voxel, far_voxel = fields.voxels[ops.minimum(at_near, last)], fields.voxels[ops.minimum(at_far, last)]
         low = low + share_y * share_z * (near_voxel + (far_voxel - near_voxel) * u)
     return low
 

@@ -102,6 +102,10 @@ class Unlinked(NamedTuple):
     """Every light lights all surfaces, and all shadow casters cast its shadows."""
 
 
+class NoAirlight(NamedTuple):
+    """No fog, or paths, which scatter in it."""
+
+
 class Options(NamedTuple):
     """The plan's decisions that kernels read."""
 
@@ -118,6 +122,7 @@ class Options(NamedTuple):
     maps: Any = ShadowRays()  # or shadow_map.Maps
     glossy_lights: Any = NoGlossyLights()  # or glossy_lights.GlossyLights
     links: Any = Unlinked()  # or links.Links
+    airlight: Any = NoAirlight()  # or airlight.Airlight
 
 
 class VertexLight(NamedTuple):

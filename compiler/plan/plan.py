@@ -7,9 +7,8 @@ from dataclasses import replace
 
 from ...lang.diagnostics import Diagnostic, suggest
 from ...lights import AMBIENT
-from ...materials import traits
 from .. import ir
-from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules
+from . import emissive_shapes, picture_rules, raster_rules, scene_rules, transport_rules, without_media
 from .decision import Decision, Plan, PlanError, Rule, override
 
 # A rule may read the decisions of the rules before it.
@@ -84,7 +83,10 @@ def warnings(scene: ir.Scene, plan: Plan) -> list[str]:
     messages = []
     if plan["interreflection"] and ir.is_in(scene.tables.lights.kind, AMBIENT).any():
         messages.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
-    if traits.participates(scene.tables) and plan["transport"] != "path":
+    if plan["transport"] != "path":
         drawer = "the raster backend" if plan["backend"] == "raster" else "Whitted ray tracing"
-        messages.append(f"{drawer} leaves out media that scatter or emit light; the ray backend draws them by paths")
+        if scene.tables.media.everywhere.any():
+            messages.append(f"{drawer} draws fog without the shadows in it; the ray backend draws them by paths")
+        if without_media.leaves_out(scene.tables, plan["bounces"] > 0):
+            messages.append(f"{drawer} leaves out media that scatter or emit light; the ray backend draws them by paths")
     return messages

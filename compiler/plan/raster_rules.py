@@ -89,6 +89,8 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
     used = scene_facts.used_rows(instances.material[shown])
     if plan["raster.shadows"] != "none" or ir.is_in(scene.tables.lights.kind, SOFT).any():
         return "lights are sampled by rays"
+    if scene.tables.media.everywhere.any():
+        return "fog lies over the scene"
     if light_links.are_there(scene.tables):
         return "some light lights some surfaces only"
     if scene_facts.profiled(scene.tables).any():

@@ -8,15 +8,33 @@ from ...materials import subsurface, traits
 from .. import ir
 
 
-def substitute(tables: ir.Tables) -> ir.Tables:
-    """The tables without media that scatter, emit or have invisible boundaries; bodies that light enters are diffuse surfaces."""
+def substitute(tables: ir.Tables, traced: bool) -> ir.Tables:
+    """The tables without media that scatter, emit or have invisible boundaries; bodies that light enters are diffuse surfaces.
+
+    Where secondary rays are `traced`, an even medium that only absorbs is the inside of its boundary.
+    """
     if not traits.participates(tables):
         return tables
-    clear, visible = traits.invisible(tables), tables.instances.visible.copy()
+    absorbing = only_absorbing(tables) if traced else np.zeros(len(tables.materials.model), bool)
+    clear, visible = traits.invisible(tables) & ~absorbing, tables.instances.visible.copy()
     visible[clear[tables.instances.material]] = 0
     tables = subsurface.diffuse_substitute(tables._replace(instances=tables.instances._replace(visible=visible)))
-    none = np.full(len(tables.materials.model), -1, np.int32)
-    return tables._replace(materials=tables.materials._replace(medium=none), media=ir.table_of("media", {}))
+    none, values = np.full(len(tables.materials.model), -1, np.int32), tables.materials.values.copy()
+    values[absorbing, ir.Slot.ABSORPTION] += tables.media.absorption[tables.materials.medium[absorbing]]
+    return tables._replace(materials=tables.materials._replace(medium=none, values=values), media=ir.table_of("media", {}))
+
+
+def only_absorbing(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials around an even medium that neither scatters nor emits light."""
+    media, row = tables.media, tables.materials.medium
+    clear = ((media.scattering + media.emission).max(axis=1, initial=0.0) == 0.0) & (media.density < 0)
+    return np.append(clear, False)[row]
+
+
+def leaves_out(tables: ir.Tables, traced: bool) -> bool:
+    """Whether rays that do not scatter in media leave out some of these, besides the shadows in fog."""
+    absorbing = only_absorbing(tables) if traced else np.zeros(len(tables.materials.model), bool)
+    return bool((traits.participating(tables) & traits.used(tables) & ~absorbing).any())
 
 
 def with_an_instance(tables: ir.Tables) -> ir.Tables:

@@ -19,7 +19,7 @@ from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..film import adaptive_sampling, tile_calls, tile_queue
 from ..geometry.bounds import swept_bounds, world_bounds
-from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
+from ..integrator import airlight, glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
 from ..light import dome_spots, environment_map, links
@@ -68,6 +68,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
     tables = _renderable_tables(scene, plan, view, tessellator, general)
     tessellations = tessellator.tessellations(tables) if backend == "raster" else {}
     options = options_of(plan, tables, general)
+    if plan["transport"] != "path":
+        options = options._replace(airlight=airlight.build(scene.tables))
     if backend == "raster" and plan["raster.secondary_rays"] == "none":
         options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options, general))
     weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "path")  # the rasterizer draws no paths
@@ -101,7 +103,10 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
 
 def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: ViewTessellator, general: bool) -> ir.Tables:
     """The scene's tables as all backends shade them: layered materials, meshes shaded at vertices, texture pyramids."""
-    source = without_media.with_an_instance(scene.tables) if plan["transport"] == "path" else without_media.substitute(scene.tables)
+    if plan["transport"] == "path":
+        source = without_media.with_an_instance(scene.tables)
+    else:
+        source = without_media.substitute(scene.tables, plan["bounces"] > 0)
     transparent = light_shapes.let_through(source, bool(plan["shadows.light_shapes"]))
     around = camera_media.around(source, view.camera)
     tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general, around)

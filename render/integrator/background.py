@@ -11,7 +11,8 @@ from ..lanes import ops
 from ..light import lights, links
 from ..material import bsdf
 from ..material.shader import Shader
-from ..types import Lane, Options, Surface, Tables, Vec
+from ..types import Lane, NoAirlight, Options, Surface, Tables, Vec
+from . import airlight
 from .records import Scene
 
 
@@ -28,6 +29,8 @@ def camera_background(tables: Tables, options: Options, direction: Vec) -> Vec:
 
 def is_black(tables: Tables, options: Options) -> bool:
     """Whether camera rays that hit nothing carry no light."""
+    if not isinstance(options.airlight, NoAirlight):
+        return False
     skies = bool(ir.is_in(tables.lights.kind, SKIES).any())
     return not (skies if options.background == 0 else options.background == 2 and any(options.color))
 
@@ -55,7 +58,10 @@ def _environment_radiance(environment: Any, tables: Tables, options: Options, po
     below = ops.dot(direction, ops.like3(zero, environment.up.x, environment.up.y, environment.up.z)) < 0.0
     ground = ops.like3(zero, environment.ground.x, environment.ground.y, environment.ground.z)
     bits = links.bits_of(options.links, None, tables, point)
-    return ops.where3(below, ground, reflected_background(tables, options, direction, bits))
+    above = airlight.seen_through(
+        options.airlight, reflected_background(tables, options, direction, bits), tables, point.position, direction, zero + lights.FAR
+    )
+    return ops.where3(below, ground, above)
 
 
 @helper

@@ -16,7 +16,7 @@ from ..material.shader import Shader
 from ..sampling import sobol
 from ..surface import interaction, normal_map
 from ..types import Hit, Lane, Ray, Surface, Vec
-from . import background, glossy_lights, gouraud
+from . import airlight, background, glossy_lights, gouraud
 from .ray_stack import LIGHT_DIMENSIONS
 from .records import LightSample, SampleIndex, Scene, ShadingContext
 
@@ -86,6 +86,13 @@ def _dimension(sampler: SampleIndex, light: int) -> Lane:
 
 
 @helper
+def _sky_radiance(scene: Scene, point: Surface, light: int, direction: Vec) -> Vec:
+    """The radiance of a sky as it arrives at a point, with the airlight before it."""
+    radiance = lights.sky_radiance(scene.tables, light, direction)
+    return airlight.sky(scene.options.airlight, radiance, light, point.position, direction)
+
+
+@helper
 def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, active: Lane, sampler: SampleIndex) -> Vec:
     """Add a sky's light: one direction for the diffuse part, and another for the highlight."""
     tables, options, point, shader, viewer = scene.tables, scene.options, shading.point, shading.shader, shading.viewer
@@ -94,7 +101,7 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
     bounded = ((point.instance != options.ground) & (options.ground >= 0)) & tables.lights.shadows[light]
     direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
     matt = microfacet.matt_share(shader.lobes, shader.diffuse, point.normal, direction, viewer)
-    given = ops.scale(ops.mul(matt, lights.sky_radiance(tables, light, direction)), share)
+    given = ops.scale(ops.mul(matt, _sky_radiance(scene, point, light, direction)), share)
     visible = _faces(scene, point, shader, direction, active)
     sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
     total = ops.add(total, _unoccluded(scene, point, sample, visible))
@@ -102,7 +109,7 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
     if ops.any_lane(shiny):
         u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, options.seed)
         direction, share = bsdf.sample_lobe(shader, point.normal, viewer, u, v, lobe_number(scene, shader, sampler))
-        given = ops.mul(share, lights.sky_radiance(tables, light, direction))
+        given = ops.mul(share, _sky_radiance(scene, point, light, direction))
         visible = _faces(scene, point, shader, direction, shiny)
         sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
         total = ops.add(total, _unoccluded(scene, point, sample, visible))
@@ -112,13 +119,13 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
 @helper
 def _add_sky_by_lobe(added: Any, total: Vec, scene: Scene, shading: ShadingContext, light: int, active: Lane, sampler: SampleIndex) -> Vec:
     """Add a sky's light of the lobe that a material adds to the classic ones, from one direction of it."""
-    tables, point, viewer = scene.tables, shading.point, shading.viewer
+    point, viewer = shading.point, shading.viewer
     here = active & added_lobes.or_has(added, ops.bool_like(point.offset, False))
     if ops.any_lane(here):
         u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, scene.options.seed)
         plain = (point.normal, (0.0 * u, 0.0 * u, 0.0 * u))
         direction, share = added_lobes.sample_lobe(added, plain, point.normal, viewer, u, v)
-        given = ops.mul(share, lights.sky_radiance(tables, light, direction))
+        given = ops.mul(share, _sky_radiance(scene, point, light, direction))
         visible = _faces(scene, point, shading.shader, direction, here)
         sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
         total = ops.add(total, _unoccluded(scene, point, sample, visible))
@@ -139,6 +146,7 @@ def _add_light(total: Vec, scene: Scene, shading: ShadingContext, light: int, ac
     given = ops.scale(ops.mul(share, arriving.irradiance), 1.0 / np.pi)
     medium = medium_stack.cross_boundary(shading.inside, None, tables, point, arriving.direction)
     given = medium_stack.attenuate(medium, given, tables, arriving.distance)
+    given = airlight.transmit(options.airlight, given, origin, arriving.direction, arriving.distance)
     visible = _faces(scene, point, shader, arriving.direction, active)
     sample = LightSample(light, origin, arriving.direction, arriving.distance, given)
     return ops.add(total, _unoccluded(scene, point, sample, visible))
@@ -175,6 +183,7 @@ def _add_hit_lights(
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
         given = ops.mul(ops.scale(share, bright * glossy_lights.weight(density, solid)), color)
         given = medium_stack.attenuate(medium_stack.cross_boundary(shading.inside, None, tables, point, direction), given, tables, distance)
+        given = airlight.transmit(scene.options.airlight, given, origin, direction, distance)
         total = ops.add(total, _unoccluded(scene, point, LightSample(light, origin, direction, distance, given), here))
     return total
 

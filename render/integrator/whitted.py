@@ -20,13 +20,13 @@ from ..jit.packed_struct import Handle
 from ..jit.value_types import NONE, ValueType, array_type, tuple_of
 from ..lanes import crosslane, ops
 from ..lanes.kinds import FLOAT, INT, VEC
-from ..light import links
+from ..light import lights, links
 from ..material import medium_stack
 from ..material.shader import evaluate_shader_inside
 from ..sampling import sobol
 from ..surface import blend, interaction, normal_map, texture_footprint
 from ..types import Hit, Lane, Options, Ray, Surface, Tables, Vec
-from . import background, direct_light, ray_stack
+from . import airlight, background, direct_light, ray_stack
 from .ray_stack import LIGHT_DIMENSIONS, SPECULAR_RAY, STRAIGHT_RAY
 from .records import RayState, SampleIndex, Scene, ShadingContext
 
@@ -61,7 +61,11 @@ def radiance(
     zero = ops.full_like(hit.t, 0.0)
     seen = hit.instance >= 0
     alpha = ops.where(seen, zero + 1.0, zero)
-    total = ops.where3(seen, (zero, zero, zero), background.camera_background(tables, options, ray.direction))
+    behind = background.camera_background(tables, options, ray.direction)
+    total, far = ops.where3(seen, (zero, zero, zero), behind), ops.where(seen, hit.t, lights.FAR)
+    total = airlight.seen_through(options.airlight, total, tables, ray.origin, ray.direction, far)
+    alpha = ops.where(seen, alpha, airlight.opacity(options.airlight, alpha, ray.origin, ray.direction, zero + lights.FAR))
+    reach = ops.where(seen, hit.t, 0.0)
     weight = (zero + 1.0, zero + 1.0, zero + 1.0)
     left = ops.int_like(hit.t, options.bounces)
     kind = zero + STRAIGHT_RAY
@@ -71,7 +75,8 @@ def radiance(
     cone = texture_footprint.cone_of_eye(tables, ray)
     bits = links.bits_of_eye(options.links, None, hit.t)
     while True:
-        weight = medium_stack.attenuate(inside, weight, tables, ops.where(seen, hit.t, 0.0))
+        weight = medium_stack.attenuate(inside, weight, tables, reach)
+        weight = airlight.transmit(options.airlight, weight, ray.origin, ray.direction, reach)
         state = RayState(ray.direction, weight, left, kind, inside, key, bits)
         rest = seen
         while ops.any_lane(rest):
@@ -94,6 +99,8 @@ def radiance(
         ray, weight, left, kind, key = ray_stack.pop(stack, waiting, ray.time)
         hit, known = intersect.closest_hit(scene.accel, tables, ray, active, OTHER_RAY), shadow_rays.forget_hidden(known)
         seen = active & (hit.instance >= 0)
+        reach = ops.where(seen, hit.t, 0.0)
+        total, weight = airlight.after_bounce(options.airlight, (total, weight), tables, ray, reach, active, seen)
         missed = active & ops.not_(hit.instance >= 0) & (kind >= SPECULAR_RAY)
         if ops.any_lane(missed):
             behind, alpha = _escape(tables, options, ray.direction, weight, missed & (kind == STRAIGHT_RAY), alpha, bits)

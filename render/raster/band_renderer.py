@@ -16,7 +16,7 @@ import numpy as np
 from ...compiler.plan import channels, decision
 from ...compiler.plan.plan import Plan
 from ..image.metrics import EPSILON, luminance
-from ..types import View
+from ..types import NoAirlight, View
 from . import (
     alternative_fills,
     band_memory,
@@ -187,11 +187,12 @@ class BandRenderer:
         """Composite a finished band over the background."""
         top, bottom = self._row_range(number)
         self._drawn[number] = True
-        if self.background == "transparent":
+        foggy = not isinstance(self.prepared.options.airlight, NoAirlight)
+        if self.background == "transparent" and not foggy:
             return
         x0, y0, _, _ = self.corners
         window = self.rgba[top - y0 : bottom - y0]
-        if self.background == "sky":
+        if self.background == "sky" or foggy:
             integrator_shading.composite_sky(self.prepared.packed, self.prepared.frame, x0, top, window.shape[1], window.reshape(-1))
         else:
             window[..., :3] += (1.0 - window[..., 3:]) * np.asarray(self.background, np.float32)

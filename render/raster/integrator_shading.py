@@ -5,13 +5,14 @@ A fragment of a tessellated shape moves to the point where its ray hits the true
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import camera
-from ..integrator import background, whitted
+from ..integrator import airlight, background, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
@@ -82,6 +83,7 @@ def shade_fragments(shading, sample, start, count):
         color, alpha, sound = whitted.linked_radiance(frame, tables, accel, light, ray, hit, pixel, index, shading.stack, None)
         if ops.any_lane(alpha < 1.0):  # the background is added to finished bands
             behind = background.camera_background(tables, frame.options, ray.direction)
+            behind = airlight.seen_through(frame.options.airlight, behind, tables, ray.origin, ray.direction, 0.0 * alpha + math.inf)
             color = ops.sub(color, ops.scale(behind, 1.0 - alpha))
         for j in range(min(count - first, crosslane.WIDTH)):
             place = transposed_index(first + j)
@@ -149,6 +151,9 @@ def composite_sky(tables, frame, x0, y0, width, rgba):
                 continue
             ray = camera.generate_pinhole_ray(tables, frame.picture, ops.to_float(k + x0) + 0.5, ops.to_float(k * 0 + y0 + y) + 0.5)
             color = background.camera_background(tables, frame.options, ray.direction)
+            color = airlight.seen_through(frame.options.airlight, color, tables, ray.origin, ray.direction, 0.0 * clear + math.inf)
+            veiled = clear * airlight.opacity(frame.options.airlight, 0.0 * clear, ray.origin, ray.direction, 0.0 * clear + math.inf)
             for j in range(min(width - start, crosslane.WIDTH)):
                 for c in range(3):
                     rgba[4 * (y * width + start + j) + c] += crosslane.lane(clear, j) * crosslane.lane(color[c], j)
+                rgba[4 * (y * width + start + j) + 3] += crosslane.lane(veiled, j)

@@ -19,7 +19,7 @@ from ..geometry.bounds import world_bounds
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
 from ..light import light_samples, lights
-from ..medium import column, phase, two_stream
+from ..medium import column, phase_table, two_stream
 from ..types import Lane, NoAirlight, Ray, Tables, Vec
 
 F64 = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Airlight(NamedTuple):
     extinction: F64  # (4,) per metre in red, green and blue, and their mean
     scattering: F64  # (3,)
     beam: F64  # (3,) extinction of sunlight before it scatters by a large angle: what scatters forwards counts as passed
-    anisotropy: float
+    phase: F64  # (4,) as Media.draine, whose first number is g of Henyey and Greenstein without a phase function of Draine
     top: float
     falloff: float
     suns: F64  # (k, 8) direction to the sun, 0, irradiance, 0
@@ -74,9 +74,11 @@ def build(tables: ir.Tables) -> Airlight | NoAirlight:
         beams = [two_stream.Beam(float(s[1]), s[4:7]) for s in suns if s[1] > 1e-3]
         albedo = scattering / np.maximum(extinction, 1e-30)
         mean[:, :3] = two_stream.mean_radiance(depths, albedo, float(media.anisotropy[row]), beams, _sky(tables), _albedo(tables))
+    g = float(media.anisotropy[row])
+    phase = media.draine[row] if media.draine[row, 3] > 0.0 else np.array([g, 0.0, 0.0, 0.0])
     return Airlight(
-        np.append(extinction, extinction.mean()), scattering.copy(), extinction - scattering * float(media.anisotropy[row]) ** 2,
-        float(media.anisotropy[row]), top, falloff, suns, lamps, _points(STRATA), _points(ANGLES), mean, fine,
+        np.append(extinction, extinction.mean()), scattering.copy(), extinction - scattering * g * g, phase.copy(), top,
+        falloff, suns, lamps, _points(STRATA), _points(ANGLES), mean, fine,
         int(next(iter(np.flatnonzero(ir.is_in(kinds, SKIES)).tolist()), -1)), deepest,
     )  # fmt: skip
 
@@ -144,6 +146,12 @@ def _transmit(air: Any, light: Vec, origin: Vec, direction: Vec, distance: Lane)
 
 
 @helper
+def _phase(air: Any, cosine: Lane) -> Lane:
+    zero = 0.0 * cosine
+    return phase_table.value(zero + air.phase[0], zero + air.phase[1], zero + air.phase[2], zero + air.phase[3], 1.0 - cosine)
+
+
+@helper
 def _from_above(air: Any, cosines: Vec, position: Vec) -> Vec:
     """Light that suns, skies and other fog scatter at a place, per unit of scattering, towards a viewer; `cosines`: the view direction."""
     zero = 0.0 * position[1]
@@ -161,7 +169,7 @@ def _from_above(air: Any, cosines: Vec, position: Vec) -> Vec:
     for k in range(len(air.suns)):
         if air.suns[k, 1] > 1e-3:
             cosine = cosines[0] * air.suns[k, 0] + cosines[1] * air.suns[k, 1] + cosines[2] * air.suns[k, 2]
-            strength = phase.density(zero + air.anisotropy, cosine)
+            strength = _phase(air, cosine)
             color = (air.suns[k, 4] * strength, air.suns[k, 5] * strength, air.suns[k, 6] * strength)
             light = ops.add(light, ops.mul(color, _passed(air.beam, above / air.suns[k, 1])))
     return light
@@ -207,7 +215,7 @@ def _around_lamp(air: Any, tables: Tables, light: int, origin: Vec, direction: V
         place = ops.add(origin, ops.scale(direction, t))
         arriving = light_samples.sample(tables, light, place, half, half)
         density = column.density_at(place[1], zero + air.top, zero + air.falloff)
-        strength = phase.density(zero + air.anisotropy, ops.dot(arriving.direction, direction)) * density
+        strength = _phase(air, ops.dot(arriving.direction, direction)) * density
         strength = strength * air.angles[k, 1] * (end - begin) * (apart * apart + along * along) / apart
         reached = _transmit(air, arriving.irradiance, place, arriving.direction, arriving.distance)
         total = ops.add(total, ops.scale(ops.mul(reached, _passed(air.extinction, _column(air, origin, direction, t))), strength))

@@ -53,7 +53,7 @@ def _quantiles(shape: F64) -> F64:
     versine = 2.0 * np.expm1(PEAK * np.linspace(0.0, 1.0, POINTS)) / np.expm1(PEAK)
     if shape[0] < 0.0 or shape[1] < 0.0:  # a peak backwards
         versine = np.union1d(versine, 2.0 - versine)
-    p = 2.0 * math.pi * np.asarray(_value(*shape, versine))
+    p = 2.0 * math.pi * np.asarray(value(*shape, versine))
     whole = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(versine))])
     return np.interp(np.linspace(0.0, 1.0, BINS + 1), whole / whole[-1], versine)
 
@@ -65,7 +65,7 @@ def _henyey_greenstein(g: Lane, versine: Lane) -> Lane:
 
 
 @helper
-def _value(g: Lane, of_draine: Lane, alpha: Lane, weight: Lane, versine: Lane) -> Lane:
+def value(g: Lane, of_draine: Lane, alpha: Lane, weight: Lane, versine: Lane) -> Lane:
     """The phase function at 1 − cos of the angle of deflection."""
     cosine = 1.0 - versine
     factor = (1.0 + alpha * cosine * cosine) / (1.0 + alpha * (1.0 + 2.0 * of_draine * of_draine) * (1.0 / 3.0))
@@ -78,7 +78,7 @@ def _density(draine: Any, plain: Lane, number: Lane, cosine: Lane) -> Lane:
     blended = weight > 0.0
     if ops.not_(ops.any_lane(blended)):
         return plain
-    return ops.where(blended, _value(g, of_draine, alpha, weight, 1.0 - cosine), plain)
+    return ops.where(blended, value(g, of_draine, alpha, weight, 1.0 - cosine), plain)
 
 
 @helper
@@ -92,7 +92,7 @@ def _sample(draine: Any, plain: tuple[Vec, Lane, Lane], number: Lane, direction:
     at = ops.to_int(number) * (BINS + 1) + row
     low, high = draine.quantiles[at], draine.quantiles[at + 1]
     versine = ops.clip(low + (high - low) * (place - ops.to_float(row)), 0.0, 2.0)
-    density = _value(g, of_draine, alpha, weight, versine)
+    density = value(g, of_draine, alpha, weight, versine)
     factor = density * (2.0 * math.pi * BINS) * (high - low)
     sine = ops.sqrt(versine * (2.0 - versine))
     s, t = ops.basis(direction)

@@ -19,10 +19,10 @@ from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..film import adaptive_sampling, tile_calls, tile_queue
 from ..geometry.bounds import swept_bounds, world_bounds
-from ..integrator import airlight, glossy_lights, no_ray_environment, vertex_lighting, whitted
+from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
-from ..light import dome_spots, environment_map, links
+from ..light import airlight, dome_spots, environment_map, links
 from ..material import medium_stack, principled
 from ..sampling import sobol
 from ..simd import target

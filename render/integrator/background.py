@@ -8,11 +8,10 @@ from ...compiler import ir
 from ...lights import SKIES
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
-from ..light import lights, links
+from ..light import airlight, lights, links
 from ..material import bsdf
 from ..material.shader import Shader
 from ..types import Lane, NoAirlight, Options, Surface, Tables, Vec
-from . import airlight
 from .records import Scene
 
 

@@ -10,13 +10,13 @@ from ..accel import intersect
 from ..accel.formula_packets import shadow_rays
 from ..jit.kernel import helper, specialize_either, specialize_if_present
 from ..lanes import ops
-from ..light import light_kinds, light_samples, lights, links, shadow_map
+from ..light import airlight, light_kinds, light_samples, lights, links, shadow_map
 from ..material import added_lobes, bsdf, medium_stack, microfacet
 from ..material.shader import Shader
 from ..sampling import sobol
 from ..surface import interaction, normal_map
 from ..types import Hit, Lane, Ray, Surface, Vec
-from . import airlight, background, glossy_lights, gouraud
+from . import background, glossy_lights, gouraud
 from .ray_stack import LIGHT_DIMENSIONS
 from .records import LightSample, SampleIndex, Scene, ShadingContext
 

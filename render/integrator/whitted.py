@@ -20,13 +20,13 @@ from ..jit.packed_struct import Handle
 from ..jit.value_types import NONE, ValueType, array_type, tuple_of
 from ..lanes import crosslane, ops
 from ..lanes.kinds import FLOAT, INT, VEC
-from ..light import lights, links
+from ..light import airlight, lights, links
 from ..material import medium_stack
 from ..material.shader import evaluate_shader_inside
 from ..sampling import sobol
 from ..surface import blend, interaction, normal_map, texture_footprint
 from ..types import Hit, Lane, Options, Ray, Surface, Tables, Vec
-from . import airlight, background, direct_light, ray_stack
+from . import background, direct_light, ray_stack
 from .ray_stack import LIGHT_DIMENSIONS, SPECULAR_RAY, STRAIGHT_RAY
 from .records import RayState, SampleIndex, Scene, ShadingContext
 

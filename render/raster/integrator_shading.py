@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import camera
-from ..integrator import airlight, background, whitted
+from ..integrator import background, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops
+from ..light import airlight
 from ..sampling import sobol
 from ..types import Lane
 from . import coverage

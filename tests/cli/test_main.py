@@ -158,7 +158,8 @@ def test_format_takes_scenes_only(scene: Path) -> None:
         (("-o", "a.exr", "--bits", "8"), "a.exr holds 32-bit floats: --bits is for 8 and 16-bit pictures"),
         (("--aov", "depth"), "a.png has no room for the channels depth: write an .exr"),
         (("-o", "a.exr", "--aov", "dept"), "no channel is called `dept`; there are "
-            "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues."),
+            "depth, normal, position, albedo, uv, id, transmittance, scatter_depth, "
+            "variance, samples, cryptomatte, lights, issues."),
         (("--plan", "raster.coverag=areas"), "no decision is called `raster.coverag`; did you mean `raster.coverage`?"),
         (("--plan", "raster.coverage=lines"), "`raster.coverage` cannot be lines; it can be: edges, areas, scanline"),
         (("--camera", "left"), "no camera is called `left`; the scene has: "),

@@ -135,7 +135,8 @@ def test_nothing_said_is_nothing_set(compiled) -> None:
         ("render(size: [10, 100000])", "a picture of 10 by 100000 pixels is too big", "at most 65536 each way"),
         ('render(aov: ["depht"])', "no channel is called `depht`", "did you mean `depth`?"),
         ('render(aov: ["x"])', "no channel is called `x`", "there are "
-            "depth, normal, position, albedo, uv, id, variance, samples, cryptomatte, lights, issues"),
+            "depth, normal, position, albedo, uv, id, transmittance, scatter_depth, "
+            "variance, samples, cryptomatte, lights, issues"),
     ],
 )
 def test_messages(said, text: str, message: str, hint: str) -> None:

@@ -186,7 +186,8 @@ def test_overrides_that_cannot_be(overrides: dict[str, str], message: str) -> No
         (
             ir.Settings(aov=("dept",)),
             "no channel is called `dept`; there are "
-            "depth, normal, position, albedo, uv, id, transmittance, scatter_depth, variance, samples, cryptomatte, lights, issues. did you mean `depth`?",
+            "depth, normal, position, albedo, uv, id, transmittance, scatter_depth, "
+            "variance, samples, cryptomatte, lights, issues. did you mean `depth`?",
         ),
         (ir.Settings(size=(10, 10), crop=(0, 0, 11, 5)), "the crop 0,0,11,5 does not lie inside the picture of 10x10 pixels"),
     ],

@@ -18,9 +18,9 @@ from ...lights import DISTANT, PLACED, SKIES
 from ..geometry.bounds import world_bounds
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
-from ..light import light_samples, lights
 from ..medium import column, phase_table, two_stream
 from ..types import Lane, NoAirlight, Ray, Tables, Vec
+from . import light_samples, lights
 
 F64 = NDArray[np.float64]
 LEVELS = 65  # heights at which the mean radiance is computed

@@ -56,7 +56,7 @@ def _start(
     around = ops.where(far, medium_stack.top(inside), 0)
     if ops.any_lane(around > 0):
         white = (zero + 1.0, zero + 1.0, zero + 1.0)
-        key = tracking.Key(number, index, DEEP - 1, seed, 1, medium_stack.initial_body(tables, zero))
+        key = tracking.Key(number, index, DEEP - 1, seed, 1, medium_stack.initial_body(tables, zero), None)
         passed = free_flight.transmit(table, white, tables, around, ray.origin, ops.negate(ray.direction), zero, zero + np.inf, key)
         power = ops.where3(around > 0, ops.mul(power, passed), power)
     return power, inside, zero
@@ -85,13 +85,13 @@ def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, 
     fading = (number > 0) & ops.not_(scatters)
     if ops.any_lane(fading):
         white = (zero + 1.0, zero + 1.0, zero + 1.0)
-        key = tracking.Key(of.pixel, of.sample, DEEP + of.depth, of.seed, 1, of.body)
+        key = tracking.Key(of.pixel, of.sample, DEEP + of.depth, of.seed, 1, of.body, None)
         through = ops.where(fading, number, 0)
         passed = free_flight.transmit(table, white, tables, through, path.origin, path.direction, path.near, t, key)
         weight = ops.where3(fading, ops.mul(weight, passed), weight)
     flying = (number > 0) & scatters
     if ops.any_lane(flying):
-        key = tracking.Key(of.pixel, of.sample, DEEP + of.depth, of.seed, tracking.PHOTON, of.body)
+        key = tracking.Key(of.pixel, of.sample, DEEP + of.depth, of.seed, tracking.PHOTON, of.body, None)
         still = tracking.Flight(scattered, t, (zero + 1.0, zero + 1.0, zero + 1.0), none)
         through = ops.where(flying, number, 0)
         flight = free_flight.fly(table, still, tables, through, path.origin, path.direction, path.near, t, weight, key)

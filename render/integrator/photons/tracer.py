@@ -230,7 +230,8 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
     for i in range(0, n, crosslane.width(like)):
         active = simd.first_lanes(n - i, like)
         path, number, index = _load_photon(tables, memory, source, i, depth)
-        before, counts, key = path.weight, active & ((path.phase & (BENT | THROWN)) != 0), Key(number, index, depth, seed, 0, path.body)
+        before, counts = path.weight, active & ((path.phase & (BENT | THROWN)) != 0)
+        key = Key(number, index, depth, seed, 0, path.body, None)
         hit, piece, hits = load_hits(memory, i, active)
         flown = media.fly(table, None, tables, path, active, counts, ops.where(hits, hit.t, np.inf), key)
         hits = flights.without_scattered(flown, hits)

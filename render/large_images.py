@@ -42,6 +42,8 @@ def refusal(plan: Plan, exposed: bool = True) -> str:
     """The message why a plan cannot be rendered in strips to a file that shows light `exposed`; "" if it can."""
     if plan["denoise"] == "on":
         return "denoising needs the whole picture: leave it out"
+    if plan["bloom"] > 0.0:
+        return "bloom needs the whole picture: leave it out"
     if exposed and plan["exposure"] == "metered":
         return "metering needs the whole picture: give --exposure"
     return ""

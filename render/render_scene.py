@@ -11,9 +11,9 @@ import numpy as np
 from ..compiler import ir
 from ..compiler.plan import channels, decision, emissive_shapes, omitted_light, single_sided
 from ..compiler.plan.plan import Plan
-from . import types
+from . import camera, types
 from .backends import accumulation, kernel_choice, light_groups
-from .film import bounce_error, film, picture_statistics
+from .film import bloom, bounce_error, film, picture_statistics
 from .film.checkpoint import Keeper
 from .film.deadline import Deadline
 from .film.progress import Progress, Report
@@ -54,6 +54,8 @@ def draw(
     if remote is None:
         compile_events.expect(_expected_kernels(scene, plan))
     deadline = deadline or Deadline(plan["budget"])
+    if plan["bloom"] > 0.0 and deadline.is_finite:
+        deadline = deadline.earlier(bloom.time_of(width * height))
     lit = channels.light_groups(plan)
     with deadline.watch_compiler():
         with cancellation.cancelled_by(cancel), kernel_cache.timed(seconds, "build"):
@@ -74,6 +76,8 @@ def draw(
     notes += accumulation.notes(scene, plan) if by_moments else []
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
     shown = {"exposure": plan["exposure"], "view": plan["view"], "white": plan["white"], "transparent": plan["background"] == "transparent"}
+    if plan["bloom"] > 0.0:
+        _add_bloom(scene, plan, image)
     image.metadata.update(
         backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **shown,
         brightness=_brightness(image, shown["transparent"], int(plan["threads"])), **_omitted(scene, plan, cut),
@@ -103,6 +107,14 @@ def _draw_in_time(work: tuple[Any, ...], deadline: Deadline, put: Callable[[Imag
     from .backends import timed_picture  # loads the denoiser
 
     return timed_picture.run(timed_picture.Work(*work), deadline, put)
+
+
+def _add_bloom(scene: ir.Scene, plan: Plan, image: Image) -> None:
+    """Scatter the plan's share of the light, of the picture and of the channels of light groups."""
+    _, half_height = camera.half_extent(scene.tables, types.View(plan["camera"], *plan["size"]))
+    _, top, _, bottom = plan["crop"]
+    pixel = 2.0 * half_height / plan["size"][1] * (bottom - top) / max(len(image.channels["rgba"]), 1)
+    bloom.add(image, plan["bloom"], pixel, ("rgba", *(name for name in image.channels if name.startswith(channels.LIGHT))))
 
 
 def _omitted(scene: ir.Scene, plan: Plan, cut: bounce_error.Cut | None) -> dict[str, Any]:

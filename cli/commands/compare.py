@@ -101,7 +101,7 @@ def _convert(kind: click.ParamType, value: str, where: str, param: click.Paramet
 @click.option("--json", "as_json", is_flag=True, help="Print all figures as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress.")
 @shared.scene_options
-@shared.picture_options_except("aov", "view", "white")
+@shared.picture_options_except("aov", "view", "white", "bloom")
 @shared.examples(
     "maquette compare out.exr reference.exr --threshold 1% -o difference.png",
     "maquette compare room.scene --backends raster,ray --size 400x300",

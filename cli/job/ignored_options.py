@@ -22,4 +22,6 @@ def notes(settings: ir.Settings, plan: Plan, path: Path) -> list[Diagnostic]:
         sentences += [f"--{name} has no effect: an EXR file holds the radiance itself" for name in names]
     if settings.tolerance is not None and plan["backend"] != "raster":
         sentences.append(f"--tolerance has no effect: the backend {plan['backend']} draws curved shapes without triangles")
+    if settings.bloom is not None and plan["bloom"] == 0.0:
+        sentences.append("--bloom has no effect: only a perspective camera has a lens")
     return [Diagnostic("note", message) for message in sentences]

@@ -28,6 +28,7 @@ class Settings:
     exposure: float | None = None
     view: str | None = None
     white: float | str | None = None  # kelvin, or "auto"
+    bloom: float | None = None  # share of the light that the lens scatters
     camera: str | None = None
     threads: int | None = None
     denoise: bool | None = None

@@ -167,6 +167,14 @@ def _white(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("white", 0.0, "no white balance was asked for: light as it is", fixed="--white")
 
 
+def _bloom(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    if settings.bloom is None:
+        return Decision("bloom", 0.0, "not asked for: a lens without glare", fixed="--bloom")
+    if scene.tables.cameras.projection[plan["camera"]] != ir.Projection.PERSPECTIVE:
+        return Decision("bloom", 0.0, "only a perspective camera has a lens", fixed="--bloom")
+    return Decision("bloom", settings.bloom, "asked for: share of the light that the lens scatters", fixed="--bloom")
+
+
 def _aov(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     chosen: list[str] = []
     groups = {*scene.names.groups, REST} - {""}
@@ -212,4 +220,4 @@ def _threads(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
 
 FRAMING: tuple[Rule, ...] = (_camera, _lens, _size, _crop)
 SAMPLING: tuple[Rule, ...] = (_error, _budget, _samples, _filter, _noise, _seed)
-OUTPUT: tuple[Rule, ...] = (_background, _exposure, _view, _white, _aov, _denoise, _threads)
+OUTPUT: tuple[Rule, ...] = (_background, _exposure, _view, _white, _bloom, _aov, _denoise, _threads)

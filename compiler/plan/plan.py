@@ -83,6 +83,9 @@ def warnings(scene: ir.Scene, plan: Plan) -> list[str]:
     messages = []
     if plan["interreflection"] and ir.is_in(scene.tables.lights.kind, AMBIENT).any():
         messages.append("ambient light stands for interreflection, and bounces compute it: it is counted twice; leave out one")
+    x0, y0, x1, y1 = plan["crop"]
+    if plan["bloom"] > 0.0 and (x1 - x0, y1 - y0) != tuple(plan["size"]):
+        messages.append("the bloom of a crop lacks the light of the rest of the picture")
     if plan["transport"] != "path":
         drawer = "the raster backend" if plan["backend"] == "raster" else "Whitted ray tracing"
         if scene.tables.media.everywhere.any():

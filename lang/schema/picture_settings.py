@@ -89,6 +89,7 @@ _ROWS = (
     PictureSetting("exposure", values.exposure, "ev", "Stops, for 8 and 16-bit pictures; +1 is twice as bright."),
     PictureSetting("view", values.name, "NAME", "View of 8 and 16-bit pictures: standard, rolloff, agx, aces or a name of OpenColorIO."),
     PictureSetting("white", values.white, "KELVIN", "White balance: kelvin of the light that becomes white, as 4000K, or auto."),
+    PictureSetting("bloom", values.share, "share", "Share of the light that the lens scatters around what is bright: 5%. Default: none."),
     _choice("filter", FILTERS, "pixel filter", ""),
 )  # fmt: skip
 PICTURE_SETTINGS = {row.name: row for row in _ROWS}

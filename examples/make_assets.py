@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
+from make_smoke import smoke
 from numpy.typing import NDArray
 
 HERE = Path(__file__).parent
@@ -397,6 +398,7 @@ def pavilion() -> str:
 
 def main() -> None:
     ASSETS.mkdir(exist_ok=True)
+    np.save(ASSETS / "smoke.npy", smoke())
     write_png(ASSETS / "net.png", die_net())
     write_png(ASSETS / "map.png", world_map())
     write_png(ASSETS / "studs.png", studs())

@@ -52,7 +52,7 @@ GIVEN = {  # arguments of the library's functions that have no default
     "u": "0.2", "v": "0.3", "row": "2", "size": "8mm", "column": "1", "angle": "0.3rad", "r": "2", "base": "1.8", "module": "0.2",
     "pressure": "0.35rad", "teeth": "12", "tooth": "3", "radius": "4", "pitch": "1", "length": "5", "height": "2", "n": "2.5",
     "weighted": "[[[i, j, 0, 1] for i in 0..3] for j in 0..3]", "is_full": "|x, y, z| x > 0",
-    "scattering": "[1, 2, 3]", "absorption": "[1, 2, 3]",
+    "scattering": "[1, 2, 3]", "absorption": "[1, 2, 3]", "temperature": "1900",
 }  # fmt: skip
 
 

@@ -14,37 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import simd
-from ..jit import thread_pool
-from ..jit.kernel import helper, kernel, noinline_helper, specialize_if_present
+from ..accel import photon_grid
+from ..accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import crosslane, ops
-from ..lanes.soa import PAD, compress_store
 from ..material import medium_stack
 from ..medium import phase, phase_table
 from ..simd.registration import overload
 from ..types import Lane, Surface, Tables, Vec
-from . import flights, photon_map
+from . import flights
 from .path_state import PathSample, PathState, photon_number
-from .photon_map import (
-    FIRST,
-    LANES,
-    LEVELS,
-    LISTED,
-    LISTS,
-    MAPS,
-    MATT,
-    PRESENCE,
-    WIDER,
-    Chosen,
-    Gathered,
-    Lists,
-    cell_key,
-    cell_of,
-    choose_photon,
-    choose_radii,
-    mark_levels,
-    slot_of,
-)
+from .photon_map import CLEAN, MATT, Gathered
 from .records import ShadingContext
 from .wave_memory import FAR
 
@@ -99,49 +79,21 @@ def split(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.fl
 def build(landed: list[NDArray[np.float32]], emitted: int, so_far: int, width: float, origin: Any, kind: type, threads: int) -> Volume:
     """Build maps from photons in media; arguments as for photon_map.build."""
     near = NEIGHBOURS * emitted / FIRST * (so_far / FIRST) ** SHRINKING
-    counts = [len(rows) for rows in landed]
-    slots = 1 << max(int(max(counts)), 16).bit_length()
-    first = np.concatenate([[0], np.cumsum(counts)])
-    n = int(first[-1]) + PAD  # loads read vectors
+    slots, n, first = photon_grid.empty_columns(landed)
     volume = Volume(
         np.zeros(MAPS * (slots + 1), np.int32), slots, np.zeros(MAPS * PRESENCE, np.int32), np.zeros(n, np.int32),
         np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(3 * n, kind), np.zeros(n, np.int32), np.zeros(n, kind),
         np.asarray(origin, kind), (2.0 ** np.arange(LEVELS) / width).astype(kind),
     )  # fmt: skip
-
-    def sort(k: int) -> None:
-        _sort(landed[k].astype(kind), k, int(first[k]), near, volume)
-
-    thread_pool.parallel_for(sort, range(len(landed)), threads)
+    photon_grid.fill(volume, landed, first, near, _sort, threads)
     return volume
 
 
-@kernel
-def _sort(rows, number, first, near, volume):
-    """Choose the radius of each photon of a map, and store the photons by cell."""
-    n = len(rows)
-    level = np.full(n, -1, np.int32)
-    radius = np.zeros(n)
-    size = np.int64(16)
-    while size < 2 * n:
-        size *= 2
-    choose_radii(rows, near, volume.cells, np.zeros(size, np.int32), level, radius)
-    start, slots, cells = volume.start, volume.slots, volume.cells
-    base = number * (slots + 1)
-    for i in range(n):
-        half = 0.5 / cells[level[i]]
-        radius[i] = half * (radius[i] / half) ** (2.0 / 3.0)  # that of a disk is as the square root of its share of a cell
-        start[base + slot_of(cell_key(level[i], *cell_of(rows, i, cells[level[i]])), slots) + 1] += 1
-    start[base] = first
-    for s in range(slots):
-        start[base + s + 1] += start[base + s]
-    cursor = start[base : base + slots].copy()
-    for i in range(n):
-        key = cell_key(level[i], *cell_of(rows, i, cells[level[i]]))
-        slot = slot_of(key, slots)
-        _store(rows, i, radius[i], volume, cursor[slot], key)
-        cursor[slot] += 1
-        mark_levels(rows, i, radius[i], volume, number, level[i])
+@helper
+def _radius(width: float, radius: float) -> float:
+    """That of a ball: that of a disk is as the square root of its share of a cell."""
+    half = 0.5 * width
+    return half * (radius / half) ** (2.0 / 3.0)
 
 
 @helper
@@ -153,6 +105,9 @@ def _store(rows: Any, i: int, r: float, volume: Any, k: int, key: int) -> None:
     for c in range(3):
         volume.place[c * n + k], volume.toward[c * n + k] = rows[i, c], rows[i, 3 + c]
         volume.power[c * n + k] = rows[i, 6 + c] * 15.0 / (8.0 * math.pi * r * r * r)
+
+
+_sort = photon_grid.sorter(_radius, _store)
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------
@@ -185,7 +140,7 @@ def _at_collisions(
         event.draine,
         ops.where(gathers, medium_stack.top(path.inside), 0), (t - path.near) * path.leaving, (ahead[0] - t) * ahead[1],
     )  # fmt: skip
-    chosen = _gather_levels(volume, point, gathers, index.sample, photon_number(index))
+    chosen = _gather(volume, point, gathers, index.sample, photon_number(index))
     row, n = chosen.row, len(volume.key)
     photon = (volume.place[row], volume.place[row + n], volume.place[row + 2 * n])
     end = ops.add(photon, (volume.origin[0], volume.origin[1], volume.origin[2]))
@@ -222,77 +177,11 @@ wall = specialize_if_present(_wall)
 @helper
 def _after_collision(volume: Any, plain: Lane, shading: ShadingContext) -> Lane:
     event: Any = shading.event
-    return ops.where(event.scattered, photon_map.CLEAN, plain)
+    return ops.where(event.scattered, CLEAN, plain)
 
 
 phase_after = specialize_if_present(_after_collision)
 """(volume maps, phase, shading): the phase of a path that goes on; after a collision the photon map has been read."""
-
-
-@noinline_helper
-def _gather_levels(volume, point, here, sample, random):
-    """The light of the photons near each lane; see photon_map."""
-    number = (sample + (sample >> 4) * 5) & (MAPS - 1)
-    x, wide = point.place, volume.cells[0]
-    coarse = cell_key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
-    levels = ops.where(here, volume.present[number * PRESENCE + slot_of(coarse, PRESENCE)], 0)
-    base = number * (volume.slots + 1)
-    lists = Lists(simd.stack_array(np.int32, LISTS), simd.stack_array(np.int32, LANES))
-    for k in range(LANES):
-        lists.counts[k] = 0
-    zero = 0.0 * x[0]
-    chosen = Chosen((zero, zero, zero), ops.int_like(zero, 0), random)
-    for level in range(LEVELS):
-        some = ((levels >> level) & 1) != 0
-        if ops.any_lane(some):
-            inverse, lanes = volume.cells[level], crosslane.bits(some)
-            low = ops.floor_int(x[0] * inverse - 0.5), ops.floor_int(x[1] * inverse - 0.5), ops.floor_int(x[2] * inverse - 0.5)
-            for k in range(crosslane.width(x[0])):
-                if (lanes >> k) & 1 == 0:
-                    continue
-                place, cell = crosslane.lane3(x, k), crosslane.lane3(low, k)
-                for corner in range(8):
-                    key = cell_key(level, cell[0] + (corner & 1), cell[1] + ((corner >> 1) & 1), cell[2] + (corner >> 2))
-                    slot = crosslane.lane(base, k) + slot_of(key, volume.slots)
-                    at, end = volume.start[slot], volume.start[slot + 1]
-                    while at < end:
-                        full = _list_near(volume, at, end, key, place, x[0], lists, k)
-                        at += crosslane.width(x[0])
-                        if full:
-                            chosen = _add_listed(volume, chosen, point, lists)
-    return _add_listed(volume, chosen, point, lists)
-
-
-@helper
-def _list_near(volume: Any, at: int, end: int, key: int, x: Vec, like: Lane, lists: Lists, k: int) -> bool:
-    """Add to the list of lane k those of a vector of photons that are near it; return whether the list is full."""
-    n, width = len(volume.inverse), crosslane.width(like)
-    off = (
-        x[0] - crosslane.load_like(volume.place, at, like), x[1] - crosslane.load_like(volume.place, at + n, like),
-        x[2] - crosslane.load_like(volume.place, at + 2 * n, like),
-    )  # fmt: skip
-    near = simd.first_lanes(end - at, like) & (crosslane.load_like(volume.key, at, like) == key)
-    near = near & (ops.dot(off, off) * crosslane.load_like(volume.inverse, at, like) < WIDER)
-    if ops.any_lane(near):
-        count = lists.counts[k]
-        row = simd.iota(ops.int_like(like, 0)) + at
-        compress_store(lists.rows, k * LISTED + count, row, near)
-        lists.counts[k] = count + crosslane.count(near)
-    return lists.counts[k] > LISTED - width
-
-
-@noinline_helper
-def _add_listed(volume, chosen, point, lists):
-    """Add the light of the listed photons, choose among them, and empty the lists."""
-    zero = ops.int_like(point.place[0], 0)
-    counts, base = zero + crosslane.load_like(lists.counts, 0, point.place[0]), simd.iota(zero) * LISTED
-    for k in range(crosslane.reduce_max(counts)):
-        mine = counts > k
-        row = ops.where(mine, lists.rows[base + k], 0)
-        chosen = choose_photon(chosen, row, _photon_light(volume, row, mine, point))
-    for k in range(LANES):
-        lists.counts[k] = 0
-    return chosen
 
 
 @helper
@@ -300,13 +189,13 @@ def _photon_light(volume: Any, row: Lane, same: Lane, point: Point) -> Vec:
     """A photon's light to the viewer."""
     n, x = len(volume.key), point.place
     off = (x[0] - volume.place[row], x[1] - volume.place[row + n], x[2] - volume.place[row + 2 * n])
-    left = 1.0 - ops.dot(off, off) * volume.inverse[row]
-    near = same & (left > 0.0) & (volume.medium[row] == point.medium)
+    weight = 1.0 - ops.dot(off, off) * volume.inverse[row]
+    near = same & (weight > 0.0) & (volume.medium[row] == point.medium)
     toward = (volume.toward[row], volume.toward[row + n], volume.toward[row + 2 * n])
-    left = left / ops.maximum(_side(point.behind, volume.inverse[row]) + _side(point.ahead, volume.inverse[row]) - 1.0, LEAST_SIDE)
+    weight = weight / ops.maximum(_side(point.behind, volume.inverse[row]) + _side(point.ahead, volume.inverse[row]) - 1.0, LEAST_SIDE)
     cosine = -ops.dot(toward, point.viewer)
     density = phase_table.density(point.draine, phase.density(point.anisotropy, cosine), point.medium, cosine)
-    share = ops.where(near, left * density, 0.0)
+    share = ops.where(near, weight * density, 0.0)
     power = (volume.power[row], volume.power[row + n], volume.power[row + 2 * n])
     return ops.scale(ops.mul(point.weight, power), share)
 
@@ -320,3 +209,16 @@ def _side(distance: Lane, inverse: Lane) -> Lane:
     u = ops.clip(distance * ops.sqrt(inverse), 0.0, 1.0)
     squared = u * u
     return 0.5 + 0.9375 * u * (1.0 - squared * (2.0 / 3.0) + squared * squared * 0.2)
+
+
+@helper
+def _probe(point: Point, k: int) -> float:
+    return 0.0
+
+
+@helper
+def _is_near(volume: Any, at: int, off: Vec, _: float, like: Lane) -> Lane:
+    return ops.dot(off, off) * crosslane.load_like(volume.inverse, at, like) < WIDER
+
+
+_gather = photon_grid.gatherer(_probe, _is_near, _photon_light)

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import simd
+from ...accel import photon_grid
+from ...accel.photon_grid import MAPS
 from ...jit import thread_pool
 from ...jit.kernel import helper, kernel, noinline_helper, specialize_if_present
 from ...jit.packed_struct import Handle
@@ -33,7 +35,7 @@ from ...types import Lane, Surface, Tables, Vec
 from .. import flights, photon_map, photon_volume
 from ..path_state import PathState
 from ..photon_coverage import photon_covers_lobe
-from ..photon_map import COLUMNS, MAPS
+from ..photon_map import COLUMNS
 from ..wave_intersection import intersect_stage, load_hits, surface_at
 from ..wave_memory import STATE, WaveMemory, load_body, load_medium, load_near, store_body, store_optional
 from . import media
@@ -124,9 +126,9 @@ class Tracer:
 
     def widen(self, frame: Handle) -> None:
         """Make the coarsest cells wide enough for the disks of nearly all photons."""
-        landed, _ = self._trace(FIRST_PILOT - 1, 1, int(photon_map.FIRST), frame)
+        landed, _ = self._trace(FIRST_PILOT - 1, 1, int(photon_grid.FIRST), frame)
         on_surfaces = photon_volume.split(landed[0])[0] if self.scatters else landed[0]
-        self.width = photon_map.coarsest_width(on_surfaces, self.width, WIDEST * self.reach)
+        self.width = photon_grid.coarsest_width(on_surfaces, self.width, WIDEST * self.reach)
 
     def _build(self, landed: list[NDArray[np.float32]], each: int, so_far: int, origin: NDArray[Any]) -> photon_map.Maps:
         if not self.scatters:
@@ -142,7 +144,7 @@ class Tracer:
             self.volume_width = self.width  # also ends this
             landed = photon_volume.split(self._trace(FIRST_PILOT - 2, 1, SOUNDING, self.frame)[0][0])[1]
             self.collisions = len(landed) / SOUNDING
-            self.volume_width = photon_map.coarsest_width(landed, self.width, WIDEST * self.reach)
+            self.volume_width = photon_grid.coarsest_width(landed, self.width, WIDEST * self.reach)
 
     def _trace(self, first: int, count: int, each: int, frame: Handle) -> tuple[list[NDArray[np.float32]], NDArray[Any]]:
         """Trace so many photons for each of `count` maps, from number `first` on; return those to be stored, and their origin."""

@@ -33,8 +33,8 @@ def radius(tables: ir.Tables, row: int) -> np.ndarray:
     """(3,) the radius in metres of a body, without the factor RADIUS of its material: the inverse of `coefficients`."""
     m, media = tables.materials, tables.media
     extinction = media.scattering[m.medium[row]] + media.absorption[m.medium[row]]
-    whole = 1.0 / (np.maximum(extinction, 1e-30) * subsurface_inversion.mean_free_path(np.clip(m.values[row, ir.Slot.AMBIENT], 0.0, 1.0)))
-    return whole / m.values[row, ir.Slot.RADIUS, 0]
+    lengths = 1.0 / (np.maximum(extinction, 1e-30) * subsurface_inversion.mean_free_path(np.clip(m.values[row, ir.Slot.AMBIENT], 0.0, 1.0)))
+    return lengths / m.values[row, ir.Slot.RADIUS, 0]
 
 
 def _lower(arguments: Arguments) -> MaterialData:

@@ -234,11 +234,11 @@ def _changed(scene: ir.Scene, others: list[ir.Scene], table: str, columns: tuple
 
 def _densities(scene: ir.Scene) -> list[tuple[bytes, ...]]:
     """A comparable description of the formula of each medium's density."""
-    t, made = scene.tables, []
+    t, structures = scene.tables, []
     for row in t.media.density.tolist():
         tape = None if row < 0 or t.textures.tape[row] < 0 else load_tape(t, int(t.textures.tape[row]))
-        made.append(() if tape is None else (tape.structure(), tape.constants.tobytes()))
-    return made
+        structures.append(() if tape is None else (tape.structure(), tape.constants.tobytes()))
+    return structures
 
 
 def _shapes(scene: ir.Scene) -> list[tuple[object, ...]]:

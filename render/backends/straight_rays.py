@@ -72,10 +72,10 @@ class Way:
             passed[:, rows] *= share
             straight[:, rows] *= _attenuated(scattering, length)
         before = straight > 0.0
-        whole = reached + np.where(before, straight, 0.0) * np.where(np.isfinite(end), end, 0.0)
+        total = reached + np.where(before, straight, 0.0) * np.where(np.isfinite(end), end, 0.0)
         scattered = np.maximum((1.0 - straight).sum(axis=0), 0.0)
         alone = np.where(scattered > 1e-12, reached.sum(axis=0) / np.maximum(scattered, 1e-300), np.inf)
-        return StraightMedia(passed, np.where(np.isfinite(end), whole.mean(axis=0), alone), shade)
+        return StraightMedia(passed, np.where(np.isfinite(end), total.mean(axis=0), alone), shade)
 
     def _column(self, rows: Any, number: Any, ends: tuple[F64, F64], rate: F64, steps: int) -> tuple[F64, F64]:
         """(column, integral of distance · probability density of the first scattering, (3, n)) of parts of rays."""

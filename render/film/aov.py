@@ -73,8 +73,8 @@ def _write_media(tables: Tables, view: View, ray: Ray, media: StraightMedia, fla
         flat["transmittance"][:] = media.transmittance.T
     if "scatter_depth" in flat:
         start, further = (camera.depth(tables, view, ops.along(ray.origin, ray.direction, t)) for t in (0.0, 1.0))
-        known = np.isfinite(media.distance)
-        flat["scatter_depth"][:, 0] = np.where(known, start + np.where(known, media.distance, 0.0) * (further - start), np.inf)
+        scatters = np.isfinite(media.distance)
+        flat["scatter_depth"][:, 0] = np.where(scatters, start + np.where(scatters, media.distance, 0.0) * (further - start), np.inf)
 
 
 def unproven(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:

@@ -49,8 +49,8 @@ def _scattered(rgb: F32, pixel_angle: float) -> F32:
     for c in range(3):
         padded = np.fft.rfft2(small[..., c], (rows, columns))
         spread = np.fft.irfft2(padded * spectrum, (rows, columns))
-        top, left = small.shape[0] - 1, small.shape[1] - 1
-        halo[..., c] = spread[top : top + small.shape[0], left : left + small.shape[1]]
+        first_row, first_column = small.shape[0] - 1, small.shape[1] - 1
+        halo[..., c] = spread[first_row : first_row + small.shape[0], first_column : first_column + small.shape[1]]
     inner = np.float32(kernel[small.shape[0] - 1, small.shape[1] - 1])  # stays in its pixel
     if factor == 1:
         return halo - light

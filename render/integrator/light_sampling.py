@@ -43,15 +43,16 @@ def _in_medium(
     """`plain`, or a direction to a point of a medium that emits: the ray in it collects the light of all its line."""
     u, v = numbers_
     rows = ops.int_like(u, 0) + row
-    here = (ops.int_like(u, 0) + inputs.emitters.kind[rows]) == emitting_cells.KIND
-    if ops.not_(ops.any_lane(here)):
+    emits = (ops.int_like(u, 0) + inputs.emitters.kind[rows]) == emitting_cells.KIND
+    if ops.not_(ops.any_lane(emits)):
         return plain
-    direction, density = emitting_cells.sample(media, ops.where(here, rows, media.first), place, u, v, medium_number(index))
-    one = ops.where(density > lights.TINY, 1.0 / ops.maximum(density, lights.TINY), 0.0)
+    direction, density = emitting_cells.sample(media, ops.where(emits, rows, media.first), place, u, v, medium_number(index))
+    inverse = ops.where(density > lights.TINY, 1.0 / ops.maximum(density, lights.TINY), 0.0)
     unit = 0.0 * u + 1.0
     return Arriving(
-        ops.where3(here, direction, plain.direction), ops.where(here, unit, plain.distance), ops.where3(here, (one, one, one), plain.light),
-        ops.where(here, density, plain.density), ops.where(here, unit, plain.cosine),
+        ops.where3(emits, direction, plain.direction), ops.where(emits, unit, plain.distance),
+        ops.where3(emits, (inverse, inverse, inverse), plain.light), ops.where(emits, density, plain.density),
+        ops.where(emits, unit, plain.cosine),
     )  # fmt: skip
 
 
@@ -59,11 +60,11 @@ def _in_medium(
 def _mark_collecting(media: Any, plain: Lane, inputs: PathInputs, row: Lane) -> Lane:
     """The distance of shadow rays, or the code of those that collect the light of a medium."""
     rows = ops.int_like(plain, 0) + row
-    here = (ops.int_like(plain, 0) + inputs.emitters.kind[rows]) == emitting_cells.KIND
-    if ops.not_(ops.any_lane(here)):
+    emits = (ops.int_like(plain, 0) + inputs.emitters.kind[rows]) == emitting_cells.KIND
+    if ops.not_(ops.any_lane(emits)):
         return plain
-    number = ops.int_like(plain, 0) + media.number[ops.where(here, rows - media.first, 0)]
-    return ops.where(here, emitting_cells.code(number), plain)
+    number = ops.int_like(plain, 0) + media.number[ops.where(emits, rows - media.first, 0)]
+    return ops.where(emits, emitting_cells.code(number), plain)
 
 
 _sample_media, _mark = specialize_if_present(_in_medium), specialize_if_present(_mark_collecting)

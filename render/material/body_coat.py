@@ -75,15 +75,15 @@ def _at(tables: Tables, surface: Surface, inside: Any) -> Coat:
         f0 = ops.where(body, boundary * boundary, zero)
         roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
         alpha = ops.where(body, roughness * roughness, alpha)
-    here = body & (f0 > 0.0)
-    front = here & surface.front
+    coated = body & (f0 > 0.0)
+    front = coated & surface.front
     f90 = ops.minimum(microfacet.GRAZING * f0, 1.0)
     black, without = (zero, zero, zero), sheen.without(materials.sheen, None, zero)
     lobes = microfacet.Lobes(
         front, front & (alpha < microfacet.SHARP), black, (f0, f0, f0), f90, black, ops.maximum(alpha, microfacet.SHARP), zero, zero + 1.0,
         materials.albedo, without,
     )  # fmt: skip
-    return Coat(here, front, lobes)
+    return Coat(coated, front, lobes)
 
 
 @helper

@@ -86,27 +86,27 @@ def _boxes(tables: ir.Tables, media: Any, number: int, moves: bool) -> list[_Box
     """The boxes of a medium; none where light samples do not find it."""
     scatter, instances = media.scatter, tables.instances
     materials = np.flatnonzero(media.number == number)
-    here = np.flatnonzero(np.isin(instances.material, materials) & (instances.visible & ir.Visibility.REFLECTION != 0))
-    if not len(here) or not scatter.clear[instances.material[here]].all():
+    holders = np.flatnonzero(np.isin(instances.material, materials) & (instances.visible & ir.Visibility.REFLECTION != 0))
+    if not len(holders) or not scatter.clear[instances.material[holders]].all():
         return []
-    if moves and (tables.transforms.first_key[instances.transform[here]] >= 0).any():
+    if moves and (tables.transforms.first_key[instances.transform[holders]] >= 0).any():
         return []
     fields = scatter.fields
     if not isinstance(fields, tracking.NoFields) and fields.density[number] >= 0:
         size = fields.cells[number, :3]
         to_cells = fields.to_cells[number].reshape(3, 4)
         return [_Box(to_cells, size, _mean_density(tables, fields, number, to_cells, size))]
-    boxes = bounds.world_bounds(tables)[here]
+    boxes = bounds.world_bounds(tables)[holders]
     if not np.isfinite(boxes).all():
         return []
     if len(boxes) > MOST_BOXES:
         boxes = np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])[None]
-    made = []
+    cubes = []
     for low, high in zip(boxes[:, :3], boxes[:, 3:], strict=True):
         sides = np.maximum(high - low, 1e-9)
         to_cells = np.concatenate([np.diag(1.0 / sides), -(low / sides)[:, None]], axis=1)
-        made.append(_Box(to_cells, np.ones(3, np.int64), np.ones(1)))
-    return made
+        cubes.append(_Box(to_cells, np.ones(3, np.int64), np.ones(1)))
+    return cubes
 
 
 def _mean_density(tables: ir.Tables, fields: Any, number: int, to_cells: np.ndarray, size: np.ndarray) -> np.ndarray:

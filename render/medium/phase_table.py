@@ -54,8 +54,8 @@ def _quantiles(shape: F64) -> F64:
     if shape[0] < 0.0 or shape[1] < 0.0:  # a peak backwards
         versine = np.union1d(versine, 2.0 - versine)
     p = 2.0 * math.pi * np.asarray(value(*shape, versine))
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(versine))])
-    return np.interp(np.linspace(0.0, 1.0, BINS + 1), whole / whole[-1], versine)
+    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(versine))])
+    return np.interp(np.linspace(0.0, 1.0, BINS + 1), cumulative / cumulative[-1], versine)
 
 
 @helper

@@ -108,8 +108,8 @@ def test_paths_find_the_same_light(tmp_path: Path, name: str) -> None:
 def test_photons_in_media_have_the_same_bits_on_any_number_of_threads(tmp_path: Path, threads: int) -> None:
     text = SCENES["a ball in a box of smoke"] + LAMP + LOOK
     plan = {"transport.caustics": "photons"}
-    one, other = (seen(tmp_path, text, size=(24, 16), samples=4, threads=n, plan=plan) for n in (1, threads))
-    assert np.array_equal(one, other)
+    first, other = (seen(tmp_path, text, size=(24, 16), samples=4, threads=n, plan=plan) for n in (1, threads))
+    assert np.array_equal(first, other)
 
 
 def test_a_lamp_in_a_bulb_lights_the_fog(tmp_path: Path) -> None:

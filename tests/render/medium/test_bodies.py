@@ -46,8 +46,8 @@ def test_backends_and_threads_agree(tmp_path: Path) -> None:
     text = LOOK.replace("0.2deg", "30deg") + SKY + f"sphere(1, material: subsurface({PATCHES}, radius: 40cm))\n"
     text += "sphere(0.3, center: [0, 0, 0.4], material: emissive(2))\n"  # a lamp inside of the body
     settings = {"samples": 64, "bounces": 40}
-    ray, one = (seen(tmp_path, text, **settings, threads=n) for n in (2, 1))
-    assert (ray == one).all()
+    ray, single = (seen(tmp_path, text, **settings, threads=n) for n in (2, 1))
+    assert (ray == single).all()
     assert seen(tmp_path, text, **settings, backend="reference") == pytest.approx(ray, rel=2e-3)
 
 

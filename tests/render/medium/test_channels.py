@@ -46,43 +46,43 @@ def test_invisible_boundaries_are_not_seen(tmp_path: Path) -> None:
 def test_media_have_the_closed_forms_of_their_coefficients(tmp_path: Path) -> None:
     """A ball between the distances 3 and 5, before a wall at 6."""
     ball = "sphere(1, medium: medium(scattering: [1, 2, 0], absorption: [0, 1, 0.5]))\n"
-    found = channels(tmp_path, LOOK + WALL + ball, MEDIA)
-    assert found["transmittance"] == pytest.approx(np.exp([-2.0, -6.0, -1.0]), rel=1e-5)
+    layers = channels(tmp_path, LOOK + WALL + ball, MEDIA)
+    assert layers["transmittance"] == pytest.approx(np.exp([-2.0, -6.0, -1.0]), rel=1e-5)
     expected = np.mean([mean_depth(1, 3, 5, 6), mean_depth(2, 3, 5, 6), 6.0])
-    assert found["scatter_depth"] == pytest.approx(expected, rel=1e-5)
+    assert layers["scatter_depth"] == pytest.approx(expected, rel=1e-5)
 
 
 def test_a_density_by_a_formula_is_summed(tmp_path: Path) -> None:
     """A density of |z| / 2 along two metres has the column 1/2."""
     ball = "sphere(1, medium: medium(scattering: 2, absorption: 1, density: |x, y, z| 0.5 * abs(z)))\n"
-    found = channels(tmp_path, LOOK + WALL + ball, MEDIA)
-    assert found["transmittance"] == pytest.approx(math.exp(-1.5), rel=1e-3)
+    layers = channels(tmp_path, LOOK + WALL + ball, MEDIA)
+    assert layers["transmittance"] == pytest.approx(math.exp(-1.5), rel=1e-3)
     t = np.linspace(3, 5, 100_001)
     share = np.exp(-2 * 0.5 * np.cumsum(np.abs(t - 4)) * (t[1] - t[0]))
     mean = np.sum(-np.diff(share) * 0.5 * (t[1:] + t[:-1])) + share[-1] * 6
-    assert found["scatter_depth"] == pytest.approx(mean, rel=1e-3)
+    assert layers["scatter_depth"] == pytest.approx(mean, rel=1e-3)
 
 
 @pytest.mark.parametrize("falloff", [0, 2])
 def test_fog_in_front_of_the_sky_has_the_depth_of_what_scatters(tmp_path: Path, falloff: float) -> None:
     """A ray that rises through fog and hits nothing: its light scatters somewhere, or never."""
     look = "camera(position: [0, 0, 0], look_at: [0, 1, -1], fov: 10deg)\nsky(radiance: 1)\n"
-    found = channels(tmp_path, look + f"fog(scattering: 0.2, absorption: 0.1, top: 3m, falloff: {falloff}m)\n", (*MEDIA, "depth"))
+    layers = channels(tmp_path, look + f"fog(scattering: 0.2, absorption: 0.1, top: 3m, falloff: {falloff}m)\n", (*MEDIA, "depth"))
     t = np.linspace(0, 120, 400_001)
     over = np.maximum(t / math.sqrt(2) - 3, 0)
     density = np.where(over > 0, np.exp(-over / falloff) if falloff else 0.0, 1.0)
     column = np.concatenate([[0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(t))])
     share = np.exp(-0.2 * column)
-    assert found["transmittance"] == pytest.approx(math.exp(-0.3 * column[-1]), rel=1e-4)
-    assert found["scatter_depth"] == pytest.approx(np.sum(-np.diff(share) * 0.5 * (t[1:] + t[:-1])) / (1 - share[-1]), rel=2e-3)
-    assert np.isinf(found["depth"]).all()
+    assert layers["transmittance"] == pytest.approx(math.exp(-0.3 * column[-1]), rel=1e-4)
+    assert layers["scatter_depth"] == pytest.approx(np.sum(-np.diff(share) * 0.5 * (t[1:] + t[:-1])) / (1 - share[-1]), rel=2e-3)
+    assert np.isinf(layers["depth"]).all()
 
 
 @pytest.mark.parametrize("backend", ["ray", "reference", "raster"])
 def test_without_media_all_light_passes(tmp_path: Path, backend: str) -> None:
-    found = channels(tmp_path, LOOK + WALL, (*MEDIA, "depth"), backend=backend)
-    assert np.array_equal(found["transmittance"], [1, 1, 1])
-    assert np.array_equal(found["scatter_depth"], found["depth"])
+    layers = channels(tmp_path, LOOK + WALL, (*MEDIA, "depth"), backend=backend)
+    assert np.array_equal(layers["transmittance"], [1, 1, 1])
+    assert np.array_equal(layers["scatter_depth"], layers["depth"])
     empty = channels(tmp_path, LOOK + "sky(radiance: 1)\nsphere(1, center: [0, 9, 0])\n", MEDIA, backend=backend)
     assert np.array_equal(empty["transmittance"], [1, 1, 1])
     assert np.isinf(empty["scatter_depth"]).all()
@@ -90,25 +90,25 @@ def test_without_media_all_light_passes(tmp_path: Path, backend: str) -> None:
 
 def test_raster_sees_no_boundary_of_media_that_it_does_not_draw(tmp_path: Path) -> None:
     ball = "sphere(1, medium: medium(scattering: 1))\n"
-    found = channels(tmp_path, LOOK + WALL + ball, ("depth", *MEDIA), backend="raster")
-    assert found["depth"] == pytest.approx(6.0)
-    assert np.array_equal(found["transmittance"], [1, 1, 1])
+    layers = channels(tmp_path, LOOK + WALL + ball, ("depth", *MEDIA), backend="raster")
+    assert layers["depth"] == pytest.approx(6.0)
+    assert np.array_equal(layers["transmittance"], [1, 1, 1])
 
 
 def test_glass_around_a_medium_is_a_surface(tmp_path: Path) -> None:
     ball = "sphere(1, material: glass(ior: 1.33), medium: medium(scattering: 1))\n"
-    found = channels(tmp_path, LOOK + WALL + ball, ("depth", *MEDIA))
-    assert found["depth"] == pytest.approx(3.0, rel=1e-5)
-    assert np.array_equal(found["transmittance"], [1, 1, 1])
+    layers = channels(tmp_path, LOOK + WALL + ball, ("depth", *MEDIA))
+    assert layers["depth"] == pytest.approx(3.0, rel=1e-5)
+    assert np.array_equal(layers["transmittance"], [1, 1, 1])
 
 
 def test_a_camera_inside_of_two_media_sees_that_of_higher_priority(tmp_path: Path) -> None:
     """The camera stands in both; the inner ends 1 m before it, the outer at 4.5 m, and the wall is at 6 m."""
     media = "box([9, 9, 9], center: [0, 0, 4], medium: medium(absorption: 0.1))\n"
     media += "sphere(1, center: [0, 0, 4], medium: medium(absorption: 1, priority: 2))\n"
-    found = channels(tmp_path, LOOK + WALL + media, MEDIA)
-    assert found["transmittance"] == pytest.approx(math.exp(-1 - 0.35), rel=1e-5)
-    assert found["scatter_depth"] == pytest.approx(6.0)
+    layers = channels(tmp_path, LOOK + WALL + media, MEDIA)
+    assert layers["transmittance"] == pytest.approx(math.exp(-1 - 0.35), rel=1e-5)
+    assert layers["scatter_depth"] == pytest.approx(6.0)
 
 
 def test_both_backends_have_equal_channels(tmp_path: Path) -> None:

@@ -107,8 +107,8 @@ def test_both_backends_have_equal_light(tmp_path: Path) -> None:
 
 def test_threads_draw_equal_bits(tmp_path: Path) -> None:
     text = DARK + DOWN.replace("1deg", "50deg") + FLOOR + FLAME
-    one, two = (drawn(tmp_path, text, backend="ray", samples=4, size=(40, 40), threads=n).channels["rgba"] for n in (1, 2))
-    assert np.array_equal(one, two)
+    first, second = (drawn(tmp_path, text, backend="ray", samples=4, size=(40, 40), threads=n).channels["rgba"] for n in (1, 2))
+    assert np.array_equal(first, second)
 
 
 def test_its_light_is_in_the_group_of_lights_without_one(tmp_path: Path) -> None:

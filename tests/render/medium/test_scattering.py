@@ -75,8 +75,8 @@ def test_phase_functions_of_draine_are_normalised_and_have_their_mean(shape: tup
     versine = 2.0 * np.expm1(25.0 * np.linspace(0.0, 1.0, 1_000_001)) / np.expm1(25.0)
     versine = np.union1d(versine, 2.0 - versine)
     density = phase_table.density(draine(parameters), np.zeros(1), np.ones(len(versine), int), 1.0 - versine)
-    whole, cosine = (2.0 * math.pi * np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(versine)) for y in (density, density * (1.0 - versine)))
-    assert whole == pytest.approx(1.0, abs=1e-5)
+    integral, cosine = (2.0 * math.pi * np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(versine)) for y in (density, density * (1.0 - versine)))
+    assert integral == pytest.approx(1.0, abs=1e-5)
     assert cosine == pytest.approx(mean, abs=1e-5)
 
 

@@ -45,7 +45,7 @@ def _scattered(rgb: F32, pixel_angle: float) -> F32:
     kernel = _kernel(small.shape[0], small.shape[1], pixel_angle * factor)
     rows, columns = (_fast_length(2 * n - 1) for n in small.shape[:2])
     spectrum = np.fft.rfft2(kernel, (rows, columns))
-    halo = np.empty_like(small)
+    halo: F32 = np.empty_like(small)
     for c in range(3):
         padded = np.fft.rfft2(small[..., c], (rows, columns))
         spread = np.fft.irfft2(padded * spectrum, (rows, columns))
@@ -54,7 +54,7 @@ def _scattered(rgb: F32, pixel_angle: float) -> F32:
     inner = np.float32(kernel[small.shape[0] - 1, small.shape[1] - 1])  # stays in its pixel
     if factor == 1:
         return halo - light
-    return _enlarged(halo - inner * small, factor, height, width) + (inner - np.float32(1.0)) * light
+    return _enlarged((halo - inner * small).astype(np.float32), factor, height, width) + (inner - np.float32(1.0)) * light
 
 
 def _reduced(light: F32, factor: int) -> F32:
@@ -73,7 +73,7 @@ def _enlarged(small: F32, factor: int, height: int, width: int) -> F32:
         low = place.astype(int)
         high = np.minimum(low + 1, small.shape[axis] - 1)
         part = (place - low).astype(np.float32).reshape([-1 if k == axis else 1 for k in range(3)])
-        small = np.take(small, low, axis) * (1 - part) + np.take(small, high, axis) * part
+        small = (np.take(small, low, axis) * (1 - part) + np.take(small, high, axis) * part).astype(np.float32)
     return small
 
 

@@ -1,7 +1,7 @@
 """Airlight: what fog scatters into a ray, and what it lets pass, in closed form where paths do not scatter in it.
 
-Rays of the rasterizer and of Whitted transport are attenuated exactly. Light of suns and lamps is scattered once (Sun and others 2005),
-without shadows; light that scatters more often, and that of skies, has the mean radiance of its height (two_stream.py).
+Rays of the rasterizer and of Whitted transport are attenuated exactly. Light of suns and of lights with a place is scattered once (Sun and
+others 2005), without shadows. Light that scatters more often, and that of skies, has the mean radiance of its height (two_stream.py).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from . import light_samples, lights
 F64 = NDArray[np.float64]
 LEVELS = 65  # heights at which the mean radiance is computed
 STRATA = 8  # points of Gauss and Legendre along the opacity of a ray
-ANGLES = 12  # likewise along its angle around a lamp
+ANGLES = 12  # likewise along its angle around a light
 FINE = 0.25  # mean free paths, to which the levels below the top are about even
 DIRECTIONS = 64  # along each axis, of a sky
 ENDLESS = 1e30  # column of an endless ray, whose product with an extinction of 0 is 0
@@ -42,7 +42,7 @@ class Airlight(NamedTuple):
     top: float
     falloff: float
     suns: F64  # (k, 8) direction to the sun, 0, irradiance, 0
-    lamps: NDArray[np.int64]  # (m,) rows of lights with a place
+    placed: NDArray[np.int64]  # (m,) rows of lights with a place
     strata: F64  # (STRATA, 2) points from 0 to 1, and their weights
     angles: F64  # (ANGLES, 2) likewise
     mean: F64  # (LEVELS, 4) mean radiance, evenly by log(1 + column above · fine)
@@ -66,7 +66,7 @@ def build(tables: ir.Tables) -> Airlight | NoAirlight:
         arriving = light_samples.sample(tables, light, middle, half, half)
         line = [*(float(c[0]) for c in arriving.direction), 0.0, *(float(c[0]) for c in arriving.irradiance), 0.0]
         suns = np.concatenate([suns, [line]])
-    lamps = np.flatnonzero(ir.is_in(kinds, PLACED)).astype(np.int64)
+    placed = np.flatnonzero(ir.is_in(kinds, PLACED)).astype(np.int64)
     deepest, mean, fine = 0.0, np.zeros((LEVELS, 4)), max(float(extinction.mean()), 1e-9) / FINE
     if math.isfinite(top):
         deepest = falloff + max(top - _bottom(tables), 0.0)
@@ -78,7 +78,7 @@ def build(tables: ir.Tables) -> Airlight | NoAirlight:
     phase = media.draine[row] if media.draine[row, 3] > 0.0 else np.array([g, 0.0, 0.0, 0.0])
     return Airlight(
         np.append(extinction, extinction.mean()), scattering.copy(), extinction - scattering * g * g, phase.copy(), top,
-        falloff, suns, lamps, _points(STRATA), _points(ANGLES), mean, fine,
+        falloff, suns, placed, _points(STRATA), _points(ANGLES), mean, fine,
         int(next(iter(np.flatnonzero(ir.is_in(kinds, SKIES)).tolist()), -1)), deepest,
     )  # fmt: skip
 
@@ -197,8 +197,8 @@ def _along_column(air: Any, origin: Vec, direction: Vec, distance: Lane, length:
 
 
 @helper
-def _around_lamp(air: Any, tables: Tables, light: int, origin: Vec, direction: Vec, distance: Lane) -> Vec:
-    """Airlight of a lamp, by points of the angle around it (Kulla and Fajardo 2012)."""
+def _around_light(air: Any, tables: Tables, light: int, origin: Vec, direction: Vec, distance: Lane) -> Vec:
+    """Airlight of a light with a place, by points of the angle around it (Kulla and Fajardo 2012)."""
     zero = 0.0 * origin[0] + 0.0 * direction[0]
     half = zero + 0.5
     arriving = light_samples.sample(tables, light, ops.add(origin, (zero, zero, zero)), half, half)
@@ -227,8 +227,8 @@ def _add_airlight(air: Any, light: Vec, tables: Tables, origin: Vec, direction: 
     """`light` from the end of a ray as it arrives at its origin, with what the fog adds."""
     length = _column(air, origin, direction, distance)
     added = _along_column(air, origin, direction, distance, length)
-    for k in range(len(air.lamps)):
-        added = ops.add(added, _around_lamp(air, tables, air.lamps[k], origin, direction, distance))
+    for k in range(len(air.placed)):
+        added = ops.add(added, _around_light(air, tables, air.placed[k], origin, direction, distance))
     added = ops.mul(added, (air.scattering[0], air.scattering[1], air.scattering[2]))
     return ops.add(ops.mul(light, _passed(air.extinction, length)), added)
 

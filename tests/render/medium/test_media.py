@@ -200,10 +200,10 @@ def fluence(albedo: float, r: np.ndarray) -> np.ndarray:
 
     Its part far from the source is exp(-κ r) / r with κ = ϖ artanh κ, where diffusion theory has κ² = 3 (1 - ϖ).
     """
-    low, high = 1e-6, 1.0 - 1e-12  # ϖ artanh κ is below κ at `low`, above it at `high`
+    low, high, kappa = 1e-6, 1.0 - 1e-12, 0.5  # ϖ artanh κ is below κ at `low`, above it at `high`
     for _ in range(100):
-        kappa = 0.5 * (low + high)
         low, high = (kappa, high) if albedo * math.atanh(kappa) < kappa else (low, kappa)
+        kappa = 0.5 * (low + high)
     far = 2 * kappa**2 / (albedo**2 * (1 / (1 - kappa**2) - 1 / albedo)) * np.exp(-kappa * r)
     decays = 1 + np.geomspace(1e-8, 40, 2000)
     spectrum = 1 / ((1 - albedo / decays * np.arctanh(1 / decays)) ** 2 + (albedo * math.pi / (2 * decays)) ** 2)

@@ -42,6 +42,7 @@ _NAMES: dict[Dimension, str] = {
 }
 
 _DEGREE = math.pi / 180
+SMALL = 1e-4  # metres, below which lengths are shown in micrometres
 
 # Symbol -> (value in base units, dimension). The base units are metre, radian, second, candela and their products.
 UNITS: dict[str, tuple[float, Dimension]] = {
@@ -166,6 +167,8 @@ def show(value: float | Quantity) -> str:
         return show_number(value)
     if value.dimension == ANGLE:
         return f"{show_number(round(value.value / _DEGREE, 9))}deg"
+    if value.dimension == LENGTH and 0.0 < abs(value.value) < SMALL:
+        return f"{show_number(in_unit(value.value, 'um'))}um"
     unit = symbol(value.dimension)
     return f"{show_number(value.value)}{' ' if unit.startswith('1') else ''}{unit}"
 

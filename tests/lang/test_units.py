@@ -192,6 +192,7 @@ def test_a_literal_is_the_number_times_its_unit(number: float, unit: str) -> Non
         (24.0, "24"),
         (Quantity(math.pi / 6, units.ANGLE), "30deg"),
         (Quantity(0.3, units.LENGTH), "0.3m"),
+        (Quantity(5e-5, units.LENGTH), "50um"),
         (Quantity(3.0, units.ILLUMINANCE), "3lx"),
         (Quantity(2.0, (1, 0, -1, 0)), "2m/s"),
         (Quantity(2.0, (0, 0, -1, 0)), "2 1/s"),

@@ -53,7 +53,7 @@ against its own long runs, and answers are not compared. *Of blocks* is √relMS
 """
 NAMES = ("cornell", "knot", *path_scenes.SETTINGS)  # values of `--only`
 SLOW = ("knot", "lamps", "interior", "daylight", "evening", "door")  # fewer rounds, and long runs of 256 samples a pixel instead of 512
-MEDIA = ("slab", "milk", "haze", "cloud")  # likewise, and long runs of 64 samples a pixel: each takes up to hundreds of collisions
+MEDIA = {"slab": 64, "milk": 64, "haze": 64, "cloud": 16}  # likewise; samples a pixel of long runs, of hundreds of collisions each
 SAMPLE_COUNTS = (1, 4, 16, 64, 256)  # samples a pixel
 ERRORS = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # at which times are compared
 DEPTH = 8
@@ -111,10 +111,10 @@ def section(quick: bool, effort: Effort, only: str = "") -> report.Section:
             title, sides, scalar = _scene_of(name, Path(folder), quick, peers)
             part = report.Section(f"paths {k + 1} {name}", title, "", versions=result.versions, level=3)
             ladder = (1, 4) if quick else (*SAMPLE_COUNTS, 1024) if name == "cornell" else SAMPLE_COUNTS
-            ladder = ladder[:4] if name in MEDIA else ladder
+            ladder = tuple(samples for samples in ladder if samples <= MEDIA.get(name, ladder[-1]))
             slow = name in (*SLOW, *MEDIA)
             less = dataclasses.replace(effort, rounds=min(effort.rounds, 3), fewest=min(effort.fewest, 2)) if slow else effort
-            _compare(part, sides, scalar, quick, 64 if name in MEDIA else 256 if slow else 512, ladder, less)
+            _compare(part, sides, scalar, quick, MEDIA.get(name, 256 if slow else 512), ladder, less)
             result.parts.append(part)
     result.missing = peers.missing
     return result

@@ -35,8 +35,8 @@ from ..lanes import crosslane, ops
 from ..raster import band_renderer, coverage, sample_hits, scalar_raster
 from ..raster.alternative_fills import ClusterRasterizer
 from ..sampling import sobol
-from ..types import Film, FirstHits, Hit, Lane, Ray, Tile, View
-from . import raster_tiles
+from ..types import Film, FirstHits, Hit, Lane, NoAirlight, Ray, Tile, View
+from . import raster_tiles, straight_rays
 from .prepare import Prepared, build_bvh
 
 BATCH = 1 << 16  # samples of a tile held in the z-buffer at a time
@@ -98,7 +98,7 @@ class Renderer(Unshared):
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
         """Write the named channels at a tile's pixel centres, (h, w, k) each."""
         ray, hit = self.centres(tile)
-        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out)
+        aov.channels_of(self.prepared.tables, self.view, ray, hit, names, out, media=self._first_hits(ray, hit).media)
 
     def centres(self, tile: Tile) -> tuple[Ray, Hit]:
         """The rays through a tile's pixel centres, and their hits, in lanes (h · w,)."""
@@ -128,7 +128,15 @@ class Renderer(Unshared):
     def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """The first hits of samples of each pixel."""
         for s in samples:
-            yield FirstHits(self.prepared.tables, *self._hits(self._rasterize(tile, s, 1, total)))
+            yield self._first_hits(*self._hits(self._rasterize(tile, s, 1, total)))
+
+    def _first_hits(self, ray: Ray, hit: Hit) -> FirstHits:
+        """Hits, with the fog before them."""
+        air = self.prepared.options.airlight
+        if isinstance(air, NoAirlight):
+            return FirstHits(self.prepared.tables, ray, hit)
+        end = np.where(hit.instance >= 0, hit.t, np.inf)
+        return FirstHits(self.prepared.tables, ray, hit, lambda: straight_rays.through_fog(air, ray, end))
 
     def _rasterize(self, tile: Tile, first: int, count: int, total: int) -> Handle:
         """A handle of scalar_raster.Scratch: samples first … first + count - 1 of a tile, and their depth buffer."""

@@ -218,7 +218,7 @@ class Renderer:
         def closest(rays: Ray) -> Hit:
             return Hit(*self._find_hits(rays))
 
-        return straight_rays.first_hits(self.prepared.tables, ray, hit, closest, steps, self._march)
+        return straight_rays.first_hits((self.prepared.tables, self.prepared.options.airlight), ray, hit, closest, steps, self._march)
 
     @functools.cached_property
     def _march(self) -> straight_rays.March | None:

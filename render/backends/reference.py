@@ -79,7 +79,7 @@ class Renderer(Unshared):
         """The first hits behind invisible boundaries."""
         with np.errstate(all="ignore"):
             hit = self._first_hit(ray)
-        return straight_rays.first_hits(self.prepared.tables, ray, hit, self._first_hit, steps)
+        return straight_rays.first_hits((self.prepared.tables, self.prepared.options.airlight), ray, hit, self._first_hit, steps)
 
     def _first_hit(self, ray: Ray) -> Any:
         active = np.ones(np.shape(ray.direction[0]), bool)

@@ -20,7 +20,7 @@ from ..lanes import crosslane, ops
 from ..material import medium_stack
 from ..medium import column, tracking
 from ..surface import interaction
-from ..types import FirstHits, Hit, Ray, StraightMedia
+from ..types import FirstHits, Hit, NoAirlight, Ray, StraightMedia
 
 MOST = 256  # boundaries that a ray passes
 STEPS = 64  # along a density of a segment, for channels
@@ -157,14 +157,42 @@ def pass_boundaries(
 
 
 def first_hits(
-    tables: ir.Tables, ray: Ray, hit: Hit, closest: Callable[[Ray], Hit], steps: int, march: March | None = None
+    inputs: tuple[ir.Tables, Any], ray: Ray, hit: Hit, closest: Callable[[Ray], Hit], steps: int, march: March | None = None
 ) -> FirstHits:  # fmt: skip
-    """The first hits of rays behind invisible boundaries, with the media on the way; arguments as for `pass_boundaries`."""
+    """The first hits of rays behind invisible boundaries, with the media on the way; arguments as for `pass_boundaries`.
+
+    `inputs` are the tables and Options.airlight, the fog where paths do not scatter in it.
+    """
+    tables, air = inputs
     hit, way = pass_boundaries(tables, ray, hit, closest, march)
+    end = np.where(hit.instance >= 0, hit.t, np.inf)
+    if not isinstance(air, NoAirlight):
+        return FirstHits(tables, ray, hit, lambda: through_fog(air, ray, end))
     if way is None:
         return FirstHits(tables, ray, hit)
-    end = np.where(hit.instance >= 0, hit.t, np.inf)
     return FirstHits(tables, ray, hit, lambda: way.seen(end, steps))
+
+
+class _Fog(NamedTuple):
+    """The columns of scattering_table.Scattering that a Way reads, of air and fog."""
+
+    extinction: F64
+    scattering: F64
+    emission: F64
+    top: F64
+    falloff: F64
+    fields: tracking.NoFields
+
+
+def through_fog(air: Any, ray: Ray, end: F64) -> StraightMedia:
+    """What fog does to the light of surfaces at distances `end` (n,), inf without one; `air` is an airlight.Airlight."""
+    n = len(end)
+    origin, direction = (np.stack([np.broadcast_to(c, n) for c in v]).astype(float) for v in (ray.origin, ray.direction))
+    rates = (np.concatenate([np.zeros((1, 3)), rate[None, :3]]) for rate in (air.extinction, air.scattering))
+    fog = _Fog(*rates, np.zeros((2, 3)), np.array([np.inf, air.top]), np.array([0.0, air.falloff]), tracking.NoFields())
+    way = Way(fog, _march_in_numpy(None, None), (origin, direction))
+    way.add(np.arange(n), np.ones(n, np.int64), np.zeros(n), end)
+    return way.seen(end)
 
 
 def _march_in_numpy(table: Any, tables: ir.Tables) -> March:

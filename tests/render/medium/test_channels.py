@@ -63,11 +63,15 @@ def test_a_density_by_a_formula_is_summed(tmp_path: Path) -> None:
     assert layers["scatter_depth"] == pytest.approx(mean, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    "settings", [{}, {"plan": {"transport": "whitted"}}, pytest.param({"backend": "raster"}, marks=pytest.mark.long)], ids=str
+)
 @pytest.mark.parametrize("falloff", [0, 2])
-def test_fog_in_front_of_the_sky_has_the_depth_of_what_scatters(tmp_path: Path, falloff: float) -> None:
+def test_fog_in_front_of_the_sky_has_the_depth_of_what_scatters(tmp_path: Path, falloff: float, settings: dict[str, Any]) -> None:
     """A ray that rises through fog and hits nothing: its light scatters somewhere, or never."""
     look = "camera(position: [0, 0, 0], look_at: [0, 1, -1], fov: 10deg)\nsky(radiance: 1)\n"
-    layers = channels(tmp_path, look + f"fog(scattering: 0.2, absorption: 0.1, top: 3m, falloff: {falloff}m)\n", (*MEDIA, "depth"))
+    fog = f"fog(scattering: 0.2, absorption: 0.1, top: 3m, falloff: {falloff}m)\n"
+    layers = channels(tmp_path, look + fog, (*MEDIA, "depth"), **settings)
     t = np.linspace(0, 120, 400_001)
     over = np.maximum(t / math.sqrt(2) - 3, 0)
     density = np.where(over > 0, np.exp(-over / falloff) if falloff else 0.0, 1.0)

@@ -13,10 +13,11 @@ def test_strict_counts_warnings_as_errors(tmp_path):
     stage.write_text('#usda 1.0\ndef Cube "c" {\n}\ndef Volume "n" {\n}\n')
     plain = CliRunner().invoke(cli, ["check", str(stage)])
     assert (plain.exit_code, plain.stdout) == (0, f"{stage}: no errors\n")
-    assert plain.stderr == f"{stage}</n>: warning: Volume is not drawn\n"
+    hint = "write its grid as an array (docs/media.md says how), and fill a box with medium(density: volume(…))"
+    assert plain.stderr == f"{stage}</n>: warning: Volume is not drawn: {hint}\n"
     strict = CliRunner().invoke(cli, ["check", str(stage), "--strict"])
     assert (strict.exit_code, strict.stdout) == (1, f"{stage}: 1 error\n")
-    assert strict.stderr == f"{stage}</n>: error: Volume is not drawn\n"
+    assert strict.stderr == f"{stage}</n>: error: Volume is not drawn: {hint}\n"
 
 
 def test_inspect_sums_up_a_stage(tmp_path):

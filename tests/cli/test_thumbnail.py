@@ -41,7 +41,8 @@ def test_thumbnails_of_a_folder(assets, tmp_path):
     assert [row["name"] for row in made] == ["bad.obj", "cube.usda", "sub/flat.obj"]
     assert [row["error"] for row in made] == ["this is not an OBJ file: it has neither vertices nor faces", "", ""]
     assert (made[1]["instances"], made[2]["triangles"]) == (1, 1)
-    assert made[1]["warnings"] == [f"{assets}/cube.usda</t>: Volume is not drawn"]
+    (warning,) = made[1]["warnings"]
+    assert warning.startswith(f"{assets}/cube.usda</t>: Volume is not drawn: write its grid as an array")
     picture = image_reader.read(out / "cube.usda.png").channels["rgba"]
     assert picture.shape == (24, 24, 4)
     covered = picture[..., 3] > 0.5

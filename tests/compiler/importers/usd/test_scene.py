@@ -105,7 +105,8 @@ def test_what_cannot_be_drawn_is_said_once_by_name(tmp_path):
     assert messages == [
         "x.usda</p>: warning: ParticleField is not drawn",
         "x.usda</g>: warning: GenerativeProcedural is not drawn: its program is not run",
-        "x.usda</v>: warning: Volume is not drawn",
+        "x.usda</v>: warning: Volume is not drawn: write its grid as an array (docs/media.md says how), and fill a box with "
+        "medium(density: volume(…))",
         "x.usda</u>: warning: `Unheard` is not known: it is not drawn",
     ]
 

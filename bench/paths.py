@@ -44,7 +44,7 @@ metal and four matt ones under a picture of the sky with a small sun (depth 6), 
 500,000 triangles (depth 6).
 
 Four rooms have media: a slab (depth 130), a ball of thin milk (258), haze with the sun through a window (66), a cloud of 256³ voxels (258).
-Mitsuba's `volpath` draws them, and Cycles the three even ones, with the coefficients as given.
+Mitsuba's `volpath` draws them; `volpathmis` and Cycles the three even ones, with the coefficients as given.
 
 The rooms are examples, written as USD by our exporter and read from there by all (depth 10): patterns are white, and the shapes of lights
 are not seen. Mitsuba has no such lamps, and draws the room by a window alone. Cycles reads the stage itself, in a Python of its own with
@@ -125,6 +125,8 @@ def _scene_of(name: str, folder: Path, quick: bool, peers: Peers) -> tuple[str, 
     if name in path_scenes.SETTINGS:
         setting = path_scenes.SETTINGS[name](folder, quick)
         sides = [our_renderer(setting.decide), *_available(peers, functools.partial(exported_renderer, setting, folder))]
+        if setting.media:
+            sides += _available(peers, functools.partial(exported_renderer, setting, folder, "volpathmis"))
         if setting.stage is not None:
             sides += _available(peers, functools.partial(cycles_renderer, setting, False))
             sides += [] if setting.media else _available(peers, functools.partial(cycles_renderer, setting, True))
@@ -207,8 +209,8 @@ def _decide(scene: ir.Scene, size: int, samples: int | None, seed: int, error: f
     return scene, plan.make_plan(scene, settings)
 
 
-def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:
-    """Mitsuba's LLVM mode on our exported scene. Raises Missing for a scene with lamps that are not carried."""
+def exported_renderer(setting: path_scenes.Setting, folder: Path, integrator: str = "") -> Renderer:
+    """Mitsuba's LLVM mode on our exported scene, with its own integrator or this one. Raises Missing for lights that are not carried."""
     mi = mitsuba.load()
     lit = setting.scene.tables.lights
     if (ir.is_in(lit.kind, SURFACES) & (lit.instance < 0)).any():
@@ -218,13 +220,20 @@ def exported_renderer(setting: path_scenes.Setting, folder: Path) -> Renderer:
     def loaded(size: int) -> Any:
         place = folder / f"{setting.title.split()[0]}-{size}"
         place.mkdir(exist_ok=True)
-        return mi.load_file(str(setting.exported(size, place)))
+        path = setting.exported(size, place)
+        if integrator:
+            before, integrators, after = path.read_text(encoding="utf-8").partition('integrator type="volpath"')
+            if not integrators:
+                raise ValueError("the exported scene has no integrator of media")
+            path = path.with_name(f"{integrator}.xml")
+            path.write_text(f'{before}integrator type="{integrator}"{after}', encoding="utf-8")
+        return mi.load_file(str(path))
 
     def draw(size: int, samples: int, seed: int) -> Callable[[], Any]:
         scene = loaded(size)
         return lambda: np.array(mi.render(scene, spp=samples, seed=seed))
 
-    return Renderer("Mitsuba llvm", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3], alike=not setting.staged)
+    return Renderer(f"Mitsuba {integrator or 'llvm'}", draw, lambda rgb: np.asarray(rgb, np.float64)[..., :3], alike=not setting.staged)
 
 
 def cycles_renderer(setting: path_scenes.Setting, guiding: bool) -> Renderer:

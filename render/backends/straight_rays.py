@@ -188,14 +188,16 @@ def through_fog(air: Any, ray: Ray, end: F64) -> StraightMedia:
     """What fog does to the light of surfaces at distances `end` (n,), inf without one; `air` is an airlight.Airlight."""
     n = len(end)
     origin, direction = (np.stack([np.broadcast_to(c, n) for c in v]).astype(float) for v in (ray.origin, ray.direction))
-    rates = (np.concatenate([np.zeros((1, 3)), rate[None, :3]]) for rate in (air.extinction, air.scattering))
-    fog = _Fog(*rates, np.zeros((2, 3)), np.array([np.inf, air.top]), np.array([0.0, air.falloff]), tracking.NoFields())
-    way = Way(fog, _march_in_numpy(None, None), (origin, direction))
+    extinction, scattering = (np.stack([np.zeros(3), rate[:3]]) for rate in (air.extinction, air.scattering))
+    tops, falloffs = np.array([np.inf, air.top]), np.array([0.0, air.falloff])
+    fog = _Fog(extinction, scattering, np.zeros((2, 3)), tops, falloffs, tracking.NoFields())
+    way = Way(fog, _march_in_numpy(fog, None), (origin, direction))
     way.add(np.arange(n), np.ones(n, np.int64), np.zeros(n), end)
     return way.seen(end)
 
 
-def _march_in_numpy(table: Any, tables: ir.Tables) -> March:
+def _march_in_numpy(table: Any, tables: ir.Tables | None) -> March:
+    """Sum densities in numpy; `tables` may be absent where no density varies."""
     def march(number: Any, origin: F64, direction: F64, near: F64, far: F64, steps: int) -> tuple[F64, F64]:
         rate = (*table.scattering[number, :3].T,)
         with np.errstate(all="ignore"):

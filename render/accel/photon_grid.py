@@ -168,13 +168,8 @@ def slot_of(key: Lane, count: int) -> Lane:
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_light: Callable[..., Any]) -> Any:
-    """The function (maps, lookup, active lanes, sample, random number) → Chosen: the light of the photons near each lane.
-
-    `probe(lookup, k)` has what `is_near(maps, at, offset, probe, like)` reads of lane k: whether photons from row `at` on are near.
-    `photon_light(maps, row, active lanes, lookup)` is a photon's light. Most photons of a lookup's cells are too far: a vector of one
-    cell's is tested at a time.
-    """
+def _lister(is_near: Callable[..., Any]) -> Any:
+    """The function that lists a vector of photons for one lane; see `gatherer`."""
 
     @helper
     def list_near(maps: Any, at: int, end: int, key: int, x: Vec, aside: Any, like: Lane, lists: Lists, k: int) -> bool:
@@ -193,6 +188,12 @@ def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_ligh
             lists.counts[k] = count + crosslane.count(near)
         return lists.counts[k] > LISTED - width
 
+    return list_near
+
+
+def _adder(photon_light: Callable[..., Any]) -> Any:
+    """The function that adds the light of the photons on the lists; see `gatherer`."""
+
     @noinline_helper
     def add_listed(maps, chosen, lookup, lists):
         """Add the light of the listed photons, choose among them, and empty the lists."""
@@ -205,6 +206,18 @@ def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_ligh
         for k in range(LANES):
             lists.counts[k] = 0
         return chosen
+
+    return add_listed
+
+
+def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_light: Callable[..., Any]) -> Any:
+    """The function (maps, lookup, active lanes, sample, random number) → Chosen: the light of the photons near each lane.
+
+    `probe(lookup, k)` has what `is_near(maps, at, offset, probe, like)` reads of lane k: whether photons from row `at` on are near.
+    `photon_light(maps, row, active lanes, lookup)` is a photon's light. Most photons of a lookup's cells are too far: a vector of one
+    cell's is tested at a time.
+    """
+    list_near, add_listed = _lister(is_near), _adder(photon_light)
 
     @noinline_helper
     def gather(maps, lookup, here, sample, random):

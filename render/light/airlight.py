@@ -1,4 +1,4 @@
-"""Airlight: what fog scatters into a ray, and what it lets pass, in closed form where paths do not scatter in it.
+"""Light that fog scatters towards the camera, and its transmittance, for pictures without paths (airlight).
 
 Rays of the rasterizer and of Whitted transport are attenuated exactly. Light of suns and of lights with a place is scattered once (Sun and
 others 2005), without shadows. Light that scatters more often, and that of skies, has the mean radiance of its height (two_stream.py).

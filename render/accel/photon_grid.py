@@ -1,7 +1,7 @@
 """Hashed grid of photons: cells of LEVELS sizes, and lookups of the photons near points.
 
 A photon is stored in cells at least twice as wide as its disk or ball. A lookup reads eight cells of each size in use. Photons on surfaces
-(`integrator/photon_map.py`) and in media (`photon_volume.py`) say what is near, and what light a photon gives.
+(`integrator/photon_maps/photon_map.py`) and in media (`photon_volume.py` there) say what is near, and what light a photon gives.
 """
 
 from __future__ import annotations

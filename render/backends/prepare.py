@@ -203,7 +203,7 @@ def workspace_type(kind: type, reuses: bool) -> HandleType:
 
 def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple[Any, Any]:
     """(path light with photon maps, photon targets); the light unchanged and None if no light reaches a gathering surface."""
-    from ..integrator import photon_map
+    from ..integrator.photon_maps import photon_map
     from ..integrator.photons import aims as targets
 
     spots = dome_spots.build(tables, environment_map.row_of(light.emitters.sky))
@@ -220,7 +220,7 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
 
 def _no_photons(tables: ir.Tables, kind: type) -> Any:
     """Maps without photons, with those of media in scenes with scattering ones."""
-    from ..integrator import photon_map, photon_volume
+    from ..integrator.photon_maps import photon_map, photon_volume
 
     maps = photon_map.empty(kind)
     return maps if medium_stack.scattering(tables) is None else maps._replace(volume=photon_volume.empty(kind))
@@ -246,7 +246,7 @@ def _emitter_stacks(tables: ir.Tables, emitters: Any, chosen: np.ndarray) -> Any
 
 def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
     """Path light with empty records in place of absent ones of photons."""
-    from ..integrator import photon_map
+    from ..integrator.photon_maps import photon_map
 
     absent = photon_map.NoMaps
     return light._replace(
@@ -261,7 +261,7 @@ def _fill_photons(tables: ir.Tables, light: Any, kind: type) -> Any:
 
 def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: Any, general: bool = False) -> Any:
     """The path_state.PathInputs of a scene; arguments as for vertex_lighting.vertex_light, which gets a new BVH if `accel` is None."""
-    from ..integrator import path_state
+    from ..integrator.state import path_state
     from ..light import emitter_table
 
     horizon = None

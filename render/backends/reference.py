@@ -15,7 +15,7 @@ from ..accel import intersect
 from ..film import aov
 from ..film.film import TILE, Unshared
 from ..integrator import ray_stack, whitted
-from ..integrator.records import Scene
+from ..integrator.state.records import Scene
 from ..sampling import sobol
 from ..types import Film, FirstHits, Ray, Tile, View
 from . import straight_rays

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ..film.guide_kernels import plain_tables
-from ..integrator import flights
+from ..integrator.state import flights
 from ..jit.kernel import kernel
 from ..jit.packed_struct import Handle
 from ..lanes import crosslane, ops

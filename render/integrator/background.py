@@ -12,7 +12,7 @@ from ..light import airlight, lights, links
 from ..material import bsdf
 from ..material.shader import Shader
 from ..types import Lane, NoAirlight, Options, Surface, Tables, Vec
-from .records import Scene
+from .state.records import Scene
 
 
 @helper

@@ -18,7 +18,7 @@ from ..surface import interaction, normal_map
 from ..types import Hit, Lane, Ray, Surface, Vec
 from . import background, glossy_lights, gouraud
 from .ray_stack import LIGHT_DIMENSIONS
-from .records import LightSample, SampleIndex, Scene, ShadingContext
+from .state.records import LightSample, SampleIndex, Scene, ShadingContext
 
 SHADOW_MARGIN = 4096.0  # roundings of a position before which shadow rays end: lights hit more steeply than at 1/4096 block nothing
 

@@ -15,11 +15,11 @@ from ..material.shader import Shader
 from ..medium import emitting_cells
 from ..surface import interaction, normal_map
 from ..types import Lane, Surface, Tables, Vec
-from . import flights
 from .path_emission import mis_weight
-from .path_state import LIGHTS_ALONE, Connection, PathInputs, PathSample, PathState, medium_number, numbers
-from .photon_coverage import exclude_covered_lobe, photon_covers_mirror
-from .records import ShadingContext
+from .photon_maps.photon_coverage import exclude_covered_lobe, photon_covers_mirror
+from .state import flights
+from .state.path_state import LIGHTS_ALONE, Connection, PathInputs, PathSample, PathState, medium_number, numbers
+from .state.records import ShadingContext
 
 GRAZING = 1e-3  # cosine at an emitter below which shadow rays are shortened no further
 

@@ -17,7 +17,7 @@ from ..material.shader import evaluate_shader
 from ..surface import interaction
 from ..types import AmbientEnvironment, Float3, Hit, Options, Ray, SecondaryRays
 from . import direct_light
-from .records import SampleIndex, Scene, ShadingContext
+from .state.records import SampleIndex, Scene, ShadingContext
 
 PLACES = 256  # points of the ground over which its light is averaged
 

@@ -19,10 +19,13 @@ from ..material.shader import ONLY, evaluate_shader_filtered
 from ..simd.registration import overload
 from ..surface import blend, interaction, normal_map
 from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
-from . import flights, gouraud, photon_map, photon_volume
+from . import gouraud
 from .light_sampling import facing, sample_direct
 from .path_emission import emitted_radiance
-from .path_state import (
+from .photon_maps import photon_map, photon_volume
+from .photon_maps.photon_coverage import photon_covers_lobe, split_lobe, splits_lobe
+from .state import flights
+from .state.path_state import (
     GATHERED,
     LIT,
     Connection,
@@ -35,8 +38,7 @@ from .path_state import (
     numbers,
     photon_number,
 )
-from .photon_coverage import photon_covers_lobe, split_lobe, splits_lobe
-from .records import ShadingContext
+from .state.records import ShadingContext
 
 END_FROM = 3  # surfaces before Russian roulette begins
 MOST_GOING = 0.95  # greatest probability to go on

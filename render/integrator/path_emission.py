@@ -12,9 +12,10 @@ from ..material import medium_stack
 from ..material.shader import ONLY, Shader
 from ..medium import emitting_cells
 from ..types import Hit, Lane, Options, Surface, Tables, Vec
-from . import background, flights
-from .path_state import BALANCE, LIT, SURFACES_ALONE, PathInputs, PathState
-from .photon_coverage import photon_covers_emission, photon_covers_sky
+from . import background
+from .photon_maps.photon_coverage import photon_covers_emission, photon_covers_sky
+from .state import flights
+from .state.path_state import BALANCE, LIT, SURFACES_ALONE, PathInputs, PathState
 
 
 @helper

@@ -18,10 +18,11 @@ from ..medium import emitting_cells, free_flight, tracking
 from ..surface import alpha as surface_alpha
 from ..surface import interaction
 from ..types import Hit, Options, Ray, Vec
-from . import flights, wave_media
+from . import wave_media
 from .path import shade_vertex
 from .path_emission import environment_radiance, weigh_glow
-from .path_state import CAMERA_RAY, OTHER_RAY, PathInputs, PathSample, PathState, alpha_number
+from .state import flights
+from .state.path_state import CAMERA_RAY, OTHER_RAY, PathInputs, PathSample, PathState, alpha_number
 
 
 def radiance(

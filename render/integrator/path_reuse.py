@@ -23,8 +23,8 @@ from ..sampling.pixel_groups import GROUP
 from ..simd.registration import overload
 from ..surface import interaction, normal_map
 from ..types import Lane, Tables, Vec
-from .path_state import OTHER_RAY, Connection, PathState, Vertex
 from .ray_queue import as_searched, enters, from_search, pad, queue_up, towards
+from .state.path_state import OTHER_RAY, Connection, PathState, Vertex
 
 # Rows of Shared.rows. Of the first surface of a path: its place, normal (0: it shares nothing), geometric normal, diffuse albedo, weight
 # of the path, probability of the diffuse lobe, share of this lobe in the density of the BSDF sample.

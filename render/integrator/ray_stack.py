@@ -17,7 +17,7 @@ from ..simd.registration import overload
 from ..surface import alpha as surface_alpha
 from ..surface import texture_footprint
 from ..types import Lane, Options, Ray, Surface, Vec
-from .records import RayState, SampleIndex, Scene, ShadingContext
+from .state.records import RayState, SampleIndex, Scene, ShadingContext
 
 FIELDS = 16  # of a ray on the stack: origin, direction, weight, bounces left, kind, key, medium stack, and
 CONE = 13  # the width of its cone and its spread a metre, and

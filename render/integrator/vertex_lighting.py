@@ -16,7 +16,7 @@ from ..material.shader import evaluate_shader
 from ..surface import interaction
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec, VertexLight, View
 from . import direct_light
-from .records import SampleIndex, Scene, ShadingContext
+from .state.records import SampleIndex, Scene, ShadingContext
 
 SOFT_SAMPLES = 64  # of lights with an extent, at each vertex
 MESH = int(ir.GeometryKind.MESH)

@@ -18,8 +18,8 @@ from ..sampling import sobol
 from ..simd.registration import overload
 from ..surface import interaction, triangle_records
 from ..types import Hit, Lane, Ray, Surface, Vec
-from .path_state import OTHER_RAY, PathSample, alpha_number
 from .ray_queue import as_searched, enters, for_search, from_search, pad, queue_up
+from .state.path_state import OTHER_RAY, PathSample, alpha_number
 from .wave_memory import STATE, load_near
 
 CAMERA = int(ir.Visibility.CAMERA)

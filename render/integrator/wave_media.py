@@ -14,7 +14,8 @@ from ..material import medium_stack
 from ..medium import emitting_cells, free_flight, tracking
 from ..sampling import sobol
 from ..types import Lane, Tables, Vec
-from . import flights, path_reuse
+from . import path_reuse
+from .state import flights
 from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_memory import STATE, load_body, store_body
 

@@ -15,9 +15,9 @@ from ..light import links
 from ..simd.registration import overload
 from ..types import Lane, Vec
 from . import path_reuse
+from .state.path_state import FAR
 
 STATE = 11  # rows of a path: origin, direction, weight, density, and its phase, or 1 where it is straight
-FAR = 1e9  # in place of a cosine where a ray enters no medium
 ASKED = 10  # rows of a shadow ray: origin, direction, distance, light
 START, BEND, END, LIGHT, STRAIGHT, BENT, ESTIMATE = 0, 3, 6, 9, 12, 13, 14  # rows of an estimate from photons, and their number
 

@@ -22,11 +22,13 @@ from ..sampling import sobol
 from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, place_of
 from ..simd.registration import overload
 from ..types import Lane, Ray
-from . import flights, path_reuse, photon_map, photon_volume
+from . import path_reuse
 from .path import shade_vertex
 from .path_emission import environment_radiance, weigh_glow
-from .path_state import Connection, PathSample, PathState
+from .photon_maps import photon_map, photon_volume
 from .ray_queue import as_searched, attenuate_between, enters, for_search, from_search, pad, queue_up
+from .state import flights
+from .state.path_state import Connection, PathSample, PathState
 from .wave_intersection import intersect_stage, load_hits, surface_at
 from .wave_media import add_glow, deliver, deliver_share, transmit_stage
 from .wave_memory import (

@@ -28,7 +28,7 @@ from ..surface import blend, interaction, normal_map, texture_footprint
 from ..types import Hit, Lane, Options, Ray, Surface, Tables, Vec
 from . import background, direct_light, ray_stack
 from .ray_stack import LIGHT_DIMENSIONS, SPECULAR_RAY, STRAIGHT_RAY
-from .records import RayState, SampleIndex, Scene, ShadingContext
+from .state.records import RayState, SampleIndex, Scene, ShadingContext
 
 OTHER_RAY = int(ir.Visibility.REFLECTION)
 _BLEND = 4094  # the random dimension of a surface that chooses among the parts of a blend

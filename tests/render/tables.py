@@ -14,7 +14,7 @@ from maquette.render import types
 from maquette.render.accel import intersect, scene_bvh
 from maquette.render.accel.traverse import motion_alpha
 from maquette.render.integrator import ray_stack, whitted
-from maquette.render.integrator.records import Scene
+from maquette.render.integrator.state.records import Scene
 from maquette.render.jit.kernel import kernel
 from maquette.render.jit.packed_struct import Handle
 from maquette.render.lanes import crosslane, ops

@@ -20,9 +20,9 @@ from ...material import medium_stack
 from ...medium import free_flight, tracking
 from ...sampling import sobol
 from ...types import Lane, Ray, Tables, Vec
-from .. import photon_volume
-from ..flights import Event, Flown
-from ..path_state import PathState
+from ..photon_maps import photon_volume
+from ..state.flights import Event, Flown
+from ..state.path_state import PathState
 from .aims import Aims
 from .emission import emitter_of
 

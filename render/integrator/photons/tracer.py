@@ -32,10 +32,11 @@ from ...sampling import sobol
 from ...simd.registration import overload, types
 from ...surface import blend, interaction, normal_map
 from ...types import Lane, Surface, Tables, Vec
-from .. import flights, photon_map, photon_volume
-from ..path_state import PathState
-from ..photon_coverage import photon_covers_lobe
-from ..photon_map import COLUMNS
+from ..photon_maps import photon_map, photon_volume
+from ..photon_maps.photon_coverage import photon_covers_lobe
+from ..photon_maps.photon_map import COLUMNS
+from ..state import flights
+from ..state.path_state import PathState
 from ..wave_intersection import intersect_stage, load_hits, surface_at
 from ..wave_memory import STATE, WaveMemory, load_body, load_medium, load_near, store_body, store_optional
 from . import media

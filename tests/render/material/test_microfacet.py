@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import Input, MaterialData
-from maquette.render.integrator import path_state
+from maquette.render.integrator.state import path_state
 from maquette.render.lanes import ops
 from maquette.render.material import bsdf, energy_compensation, microfacet, principled, rough_dielectric
 from maquette.render.material.shader import ONLY, Uses, evaluate_shader

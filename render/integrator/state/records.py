@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..material.shader import Shader
-from ..types import Lane, Options, Surface, Tables, Vec, VertexLight
+from ...material.shader import Shader
+from ...types import Lane, Options, Surface, Tables, Vec, VertexLight
 
 
 class Scene(NamedTuple):

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ...compiler import ir
-from ...lights import AMBIENT, SKIES
-from ...materials import traits
-from ...materials.contract import Lobes
-from ..jit.kernel import helper
-from ..lanes import ops
-from ..light import dome_spots
-from ..light.emitter_table import Emitters
-from ..material import rough_dielectric
-from ..material.bsdf import Scattered
-from ..material.shader import ONLY, Uses
-from ..sampling import sobol
-from ..types import Lane, Vec
-from . import photon_map
+from ....compiler import ir
+from ....lights import AMBIENT, SKIES
+from ....materials import traits
+from ....materials.contract import Lobes
+from ...jit.kernel import helper
+from ...lanes import ops
+from ...light import dome_spots
+from ...light.emitter_table import Emitters
+from ...material import rough_dielectric
+from ...material.bsdf import Scattered
+from ...material.shader import ONLY, Uses
+from ...sampling import sobol
+from ...types import Lane, Vec
 from .records import ShadingContext
 
 CAMERA_RAY = int(ir.Visibility.CAMERA)
@@ -29,6 +28,7 @@ SPREAD = 3  # surfaces of a path whose numbers are Sobol points; beyond them str
 WEIGHINGS = ("power", "balance", "light", "bsdf")  # MIS heuristics (Veach 1997), or one strategy alone
 BALANCE, LIGHTS_ALONE, SURFACES_ALONE = 1, 2, 3
 GATHERED = 4.0 * ONLY  # density of a specular direction after a diffuse surface: photons carry the light of lights there
+FAR = 1e9  # in place of a cosine where a ray enters no medium
 LIT = 1e-18  # density of a direction from a surface with vertex light: its light has been counted
 
 
@@ -84,6 +84,10 @@ class NoVertices(NamedTuple):
     """No light is computed at vertices."""
 
 
+class NoMaps(NamedTuple):
+    """No photons."""
+
+
 class PathInputs(NamedTuple):
     """Inputs of the path integrator beside the tables."""
 
@@ -91,9 +95,9 @@ class PathInputs(NamedTuple):
     uses: Uses
     vertices: Any = NoVertices()  # or VertexLight
     weighing: int = 0  # index into WEIGHINGS
-    photons: Any = photon_map.NoMaps()  # or photon_map.Maps
-    photon_emitters: Any = photon_map.NoMaps()  # or (emitters,) bool: emitters whose light photons carry
-    caustic_reflectance: Any = photon_map.NoMaps()  # or (instances,) reflectance of narrow highlights that photons carry
+    photons: Any = NoMaps()  # or photon_map.Maps
+    photon_emitters: Any = NoMaps()  # or (emitters,) bool: emitters whose light photons carry
+    caustic_reflectance: Any = NoMaps()  # or (instances,) reflectance of narrow highlights that photons carry
     spots: Any = dome_spots.NoSpots()  # or dome_spots.Spots: the only part of a dome's light that photons carry
 
 

@@ -20,26 +20,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accel import photon_grid
-from ..accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER, Chosen
-from ..jit.kernel import helper, noinline_helper
-from ..lanes import crosslane, ops
-from ..material import bsdf
-from ..material.shader import Shader, Uses
-from ..simd.registration import overload
-from ..surface import interaction
-from ..types import Lane, Vec
-from .records import ShadingContext
+from ...accel import photon_grid
+from ...accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER, Chosen
+from ...jit.kernel import helper, noinline_helper
+from ...lanes import crosslane, ops
+from ...material import bsdf
+from ...material.shader import Shader, Uses
+from ...simd.registration import overload
+from ...surface import interaction
+from ...types import Lane, Vec
+from ..state.path_state import NoMaps
+from ..state.records import ShadingContext
 
 COLUMNS = 13  # of a stored photon: position, direction it came from, power, surface normal, and 1, or -1: for diffuse surfaces alone
 FLATNESS = 0.2  # of a photon's radius: how far off the surface it still counts
 FACING = 0.7  # smallest cosine between the normals of one surface
 NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and in all
 LOBE, PAST_LOBE, MATT, CLEAN, BESIDE = 1.75, 1.875, 2.0, 3.0, 5.0  # phases of a path, see phase_after
-
-
-class NoMaps(NamedTuple):
-    """No photons."""
 
 
 class Maps(NamedTuple):

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..jit.kernel import helper, specialize_if_present
-from ..lanes import ops
-from ..material import medium_stack
-from ..material.bsdf import Scattered
-from ..medium import bodies, free_flight, phase, phase_table, tracking
-from ..types import Lane, Surface, Tables, Vec
-from .path_state import PathSample, PathState
-from .wave_memory import FAR
+from ...jit.kernel import helper, specialize_if_present
+from ...lanes import ops
+from ...material import medium_stack
+from ...material.bsdf import Scattered
+from ...medium import bodies, free_flight, phase, phase_table, tracking
+from ...types import Lane, Surface, Tables, Vec
+from .path_state import FAR, PathSample, PathState
 
 LEAST_COSINE = 1e-2  # at a boundary; rays that are more grazing begin no farther behind it
 

@@ -14,19 +14,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accel import photon_grid
-from ..accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER
-from ..jit.kernel import helper, specialize_if_present
-from ..lanes import crosslane, ops
-from ..material import medium_stack
-from ..medium import phase, phase_table
-from ..simd.registration import overload
-from ..types import Lane, Surface, Tables, Vec
-from . import flights
-from .path_state import PathSample, PathState, photon_number
+from ...accel import photon_grid
+from ...accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER
+from ...jit.kernel import helper, specialize_if_present
+from ...lanes import crosslane, ops
+from ...material import medium_stack
+from ...medium import phase, phase_table
+from ...simd.registration import overload
+from ...types import Lane, Surface, Tables, Vec
+from ..state import flights
+from ..state.path_state import FAR, PathSample, PathState, photon_number
+from ..state.records import ShadingContext
 from .photon_map import CLEAN, MATT, Gathered
-from .records import ShadingContext
-from .wave_memory import FAR
 
 NEIGHBOURS = 16.0  # photons in the ball of one, for FIRST of them in a map and in all
 SHRINKING = -3.0 / 7.0  # exponent of their number: noise falls as 1 / (N r³), bias as r²

@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from ..jit.kernel import helper, specialize_if_present
-from ..lanes import ops
-from ..light import dome_spots, lights
-from ..material import bsdf
-from ..material.bsdf import Scattered
-from ..material.shader import ONLY, Shader
-from ..simd.registration import overload, types
-from ..types import Lane, Surface, Vec
-from . import flights, photon_map
-from .path_state import PathState
-from .records import ShadingContext
+from ...jit.kernel import helper, specialize_if_present
+from ...lanes import ops
+from ...light import dome_spots, lights
+from ...material import bsdf
+from ...material.bsdf import Scattered
+from ...material.shader import ONLY, Shader
+from ...simd.registration import overload, types
+from ...types import Lane, Surface, Vec
+from ..state import flights
+from ..state.path_state import PathState
+from ..state.records import ShadingContext
+from . import photon_map
 
 
 def photon_covers_emission(photon_emitters: Any, row: Any, path: PathState) -> Lane:

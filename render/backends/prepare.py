@@ -29,7 +29,7 @@ from ..simd import target
 from ..surface import texture_footprint
 from ..tessellation import analytic_shapes, vertex_meshes
 from ..tessellation.view import ViewTessellator
-from ..texture import procedural
+from ..texture import graphs, procedural
 from ..types import Film, Float3, Frame, Lens, NoGlossyLights, Options, Shutter, StillScene, Tile, VertexLight, View
 from . import camera_media
 
@@ -110,6 +110,7 @@ def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: Vie
     transparent = light_shapes.let_through(source, bool(plan["shadows.light_shapes"]))
     around = camera_media.around(source, view.camera)
     tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general, around)
+    tables = graphs.with_lookups(tables)
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures
     if plan["texture_filter"] == "footprint":

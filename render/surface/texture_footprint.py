@@ -117,7 +117,8 @@ def _footprint_parts(rows: ir.Textures, samples: int, further: bool, general: bo
     pictures = (rows.kind == ir.TextureKind.IMAGE) & ~rows.nearest
     cells = ir.is_in(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
     places = formulas or (~formula & (rows.mapping != ir.TextureMapping.UV)).any()
-    asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any(), places)
+    graphs = formulas and hasattr(rows, "lookups")
+    asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any() or graphs, places)
     asked += (further and bool(pictures.any() or cells.any() or formulas),)
     parts = {name: int(yes) for name, yes in zip(FOOTPRINT_PARTS, asked, strict=True) if yes or general}
     return _footprint_type(tuple(parts))(**parts)

@@ -10,6 +10,7 @@ from ...compiler.formula import numpy_interpreter
 from ...compiler.formula.tape import load_tape
 from ...compiler.mesh.parts import Material
 from ...compiler.scene.row_records import DEFAULT_MATERIAL
+from ...compiler.texture_graph.opcodes import is_graph
 from ...materials import traits
 from ...materials.contract import Lobes
 from ..image.srgb import encode_srgb
@@ -33,11 +34,14 @@ def triangle_materials(tables: ir.Tables, i: int, centers: NDArray[np.float64]) 
 
 
 def _weights(tables: ir.Tables, row: int, local: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weight of the second part of a blend at points of the instance's frame; textures other than formulas count 1."""
+    """Weight of the second part of a blend at points of the instance's frame; textures other than formulas of the point count 1."""
     weight = np.full(len(local), float(tables.materials.values[row, _SLOT.WEIGHT, 0]))
     texture = int(tables.materials.textures[row, _SLOT.WEIGHT])
     if texture >= 0 and tables.textures.kind[texture] == ir.TextureKind.FORMULA:
-        value = numpy_interpreter.points(load_tape(tables, int(tables.textures.tape[texture])), *local.T)[0]
+        tape = load_tape(tables, int(tables.textures.tape[texture]))
+        if is_graph(tape.code, tape.results):
+            return weight
+        value = numpy_interpreter.points(tape, *local.T)[0]
         weight = weight * (tables.textures.gain[texture, 0] * value + tables.textures.bias[texture, 0])
     return weight
 

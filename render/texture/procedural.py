@@ -181,13 +181,15 @@ def _of_register_kernel(registers, name, like):
     return lambda registers, name, like: crosslane.load(registers, name)
 
 
+def place_in_array(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
+    """Emit the address of an array's element."""
+    data = make_array(kind)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), POINTER)
+
+
 @intrinsic
 def _run(typingctx, code, first, rows, constants, begin, registers):
     """Evaluate the rows of a tape; see formula/interpreter.py."""
-
-    def place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
-        data = make_array(kind)(context, builder, array).data
-        return builder.bitcast(builder.gep(data, [index]), POINTER)
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         module = builder.module
@@ -195,10 +197,10 @@ def _run(typingctx, code, first, rows, constants, begin, registers):
         function = builder.inttoptr(builder.load(slot), DIRECT.as_pointer())
         zero = lir.Constant(I64, 0)
         given = [
-            place(context, builder, code, args[0], builder.mul(args[1], lir.Constant(I64, 4))),
+            place_in_array(context, builder, code, args[0], builder.mul(args[1], lir.Constant(I64, 4))),
             args[2],
-            place(context, builder, constants, args[3], args[4]),
-            place(context, builder, registers, args[5], zero),
+            place_in_array(context, builder, constants, args[3], args[4]),
+            place_in_array(context, builder, registers, args[5], zero),
         ]
         builder.call(function, given)
         return context.get_dummy_value()

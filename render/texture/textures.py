@@ -1,4 +1,4 @@
-"""Texture mapping, wrap modes and lookup of images, checkers and stripes.
+"""Texture mapping, and values of images, checkers, stripes, patterns and texture graphs.
 
 The net of the box mapping, seen from outside with y up, as on a folded cube:
 
@@ -17,12 +17,12 @@ import math
 from typing import Any, NamedTuple
 
 from ...compiler import ir
-from .. import simd
 from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Tables, Vec
-from . import checker_filter, procedural
+from . import checker_filter, graphs, procedural
+from .image_lookup import Rgba, look_up, look_up_level
 
 UV = int(ir.TextureMapping.UV)
 LATLONG = int(ir.TextureMapping.LATLONG)
@@ -30,14 +30,8 @@ PROJECTED = int(ir.TextureMapping.PROJECTED)
 BOX = int(ir.TextureMapping.BOX)
 NET = int(ir.TextureMapping.NET)
 IMAGE = int(ir.TextureKind.IMAGE)
-REPEAT = int(ir.Wrap.REPEAT)
-CLAMP = int(ir.Wrap.CLAMP)
-MIRROR = int(ir.Wrap.MIRROR)
-BLACK = int(ir.Wrap.BLACK)
 MAX_SAMPLES = 16.0  # samples along the long axis of a footprint, at most
 _FARTHEST = 1e12  # coordinates beyond this count as 0: they have no fraction left
-
-Rgba = tuple[Lane, Lane, Lane, Lane]
 
 
 class Spot(NamedTuple):
@@ -81,9 +75,9 @@ def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
             ops.where(kind == IMAGE, picture[2], texel[2]), ops.where(kind == IMAGE, picture[3], texel[3]),
         )  # fmt: skip
     if ops.any_lane(kind == procedural.FORMULA):
-        r, g, b = procedural.evaluate_filtered(tables, row, surface.local, _if_formulas(tables, surface.spread))
-        made = kind == procedural.FORMULA
-        texel = (ops.where(made, r, texel[0]), ops.where(made, g, texel[1]), ops.where(made, b, texel[2]), texel[3])
+        r, g, b = _formulas(tables, row, surface)
+        formed = kind == procedural.FORMULA
+        texel = (ops.where(formed, r, texel[0]), ops.where(formed, g, texel[1]), ops.where(formed, b, texel[2]), texel[3])
     channel = textures.channel[row]
     single = ops.where(channel == 0, texel[0], ops.where(channel == 1, texel[1], ops.where(channel == 2, texel[2], texel[3])))
     color = ops.where3(channel < 0, (texel[0], texel[1], texel[2]), (single, single, single))
@@ -93,6 +87,21 @@ def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
         gain[row, 1] * color[1] + bias[row, 1],
         gain[row, 2] * color[2] + bias[row, 2],
     )
+
+
+def _formulas(tables: Any, row: Lane, surface: Spot) -> Vec:
+    """The color of patterns, filtered over the footprint; in scenes with texture graphs, of these too."""
+    spread = _if_formulas(tables, surface.spread)
+    if graphs.are_linked(tables):
+        return graphs.evaluate_filtered(tables, row, surface, spread)
+    return procedural.evaluate_filtered(tables, row, surface.local, spread)
+
+
+@overload(_formulas)
+def _formulas_in_kernels(tables, row, surface):
+    if tables.field("textures.lookups") is not None:
+        return lambda tables, row, surface: graphs.evaluate_filtered(tables, row, surface, _if_formulas(tables, surface.spread))
+    return lambda tables, row, surface: procedural.evaluate_filtered(tables, row, surface.local, _if_formulas(tables, surface.spread))
 
 
 @helper
@@ -294,10 +303,10 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
         along = (k - 0.5 * (count - 1.0)) * step
         at_s, at_t = s + along * x / width, t + along * y / height
         weight = ops.where(count > k, 1.0 / count, 0.0)
-        near = _look_up_level(tables, image, lower, at_s, at_t, wraps, nearest)
+        near = look_up_level(tables, image, lower, at_s, at_t, wraps, nearest)
         far = near
         if ops.any_lane(share > 0.0):
-            far = _look_up_level(tables, image, upper, at_s, at_t, wraps, nearest)
+            far = look_up_level(tables, image, upper, at_s, at_t, wraps, nearest)
         red, green = red + weight * ops.lerp(near[0], far[0], share), green + weight * ops.lerp(near[1], far[1], share)
         blue, alpha = blue + weight * ops.lerp(near[2], far[2], share), alpha + weight * ops.lerp(near[3], far[3], share)
         k += 1
@@ -317,113 +326,3 @@ def ellipse(ax: Lane, ay: Lane, bx: Lane, by: Lane) -> tuple[Lane, Lane, Lane, L
     x, y, _ = ops.normalize((x, y, 0.0 * x))
     longest = ops.sqrt(0.5 * (a + c) + root)
     return longest, ops.absolute(ax * by - ay * bx) / ops.maximum(longest, 1e-18), x, y
-
-
-@helper
-def look_up(tables: Tables, image: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
-    """Row `image` of Images at s (right) and t (up), 0 to 1 over the image."""
-    images = tables.images
-    return _bilinear(tables, images.first[image], images.width[image], images.height[image], s, t, wrap_u, wrap_v, nearest)
-
-
-@helper
-def _look_up_level(tables: Any, image: Lane, level: Lane, s: Lane, t: Lane, wraps: Any, nearest: Lane) -> Rgba:
-    """`look_up` in one level."""
-    images = tables.images
-    first, width, height = images.level_first[image, level], images.level_width[image, level], images.level_height[image, level]
-    return _bilinear(tables, first, width, height, s, t, wraps[0], wraps[1], nearest)
-
-
-@noinline_helper
-def _bilinear(tables: Tables, first: Lane, width: Lane, height: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
-    half = ops.where(nearest, 0.0, 0.5)
-    x, y = s * width - half, (1.0 - t) * height - half
-    x0, y0 = ops.floor_int(x), ops.floor_int(y)
-    fx, fy = ops.where(nearest, 0.0, x - x0), ops.where(nearest, 0.0, y - y0)
-    (a, in_a), (b, in_b) = _wrap_index(x0, width, wrap_u)
-    (c, in_c), (d, in_d) = _wrap_index(y0, height, wrap_v)
-    rows = (first + c * width + a, first + c * width + b, first + d * width + a, first + d * width + b)
-    gx, gy = 1.0 - fx, 1.0 - fy
-    if ops.any_lane((wrap_u == BLACK) | (wrap_v == BLACK)):
-        fx, gx, fy, gy = fx * in_b, gx * in_a, fy * in_d, gy * in_c
-    return mix_texels(tables.images.texels, rows, (gx * gy, fx * gy, gx * fy, fx * fy))
-
-
-def mix_texels(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
-    """The weighted sum of four texels."""
-    r, g, b, a = ((weights[0] * texels[rows[0], c] + weights[1] * texels[rows[1], c])
-                  + (weights[2] * texels[rows[2], c] + weights[3] * texels[rows[3], c]) for c in range(4))  # fmt: skip
-    return r, g, b, a
-
-
-@overload(mix_texels)
-def _mix_texels_in_kernels(texels, rows, weights):
-    if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
-
-        return lambda texels, rows, weights: _mix_by_rows(texels, rows, weights)
-    return lambda texels, rows, weights: (
-        _mix(texels, rows, weights, 0), _mix(texels, rows, weights, 1), _mix(texels, rows, weights, 2), _mix(texels, rows, weights, 3)
-    )  # fmt: skip
-
-
-@helper
-def _mix_by_rows(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
-    """`mix_texels` by rows: a texel's four numbers are contiguous, usually followed by those of its right neighbor."""
-    above, below = (weights[0], weights[1]), (weights[2], weights[3])
-    if simd.all_of((rows[1] == rows[0] + 1) & (rows[3] == rows[2] + 1)):
-        return _add(_pair(simd.gather_rows(texels, rows[0] << 2, 8), above), _pair(simd.gather_rows(texels, rows[2] << 2, 8), below))
-    p, q = simd.gather_rows(texels, rows[0] << 2, 4), simd.gather_rows(texels, rows[1] << 2, 4)
-    m, n = simd.gather_rows(texels, rows[2] << 2, 4), simd.gather_rows(texels, rows[3] << 2, 4)
-    return _add(
-        _pair((p[0], p[1], p[2], p[3], q[0], q[1], q[2], q[3]), above), _pair((m[0], m[1], m[2], m[3], n[0], n[1], n[2], n[3]), below)
-    )
-
-
-@helper
-def _pair(t: Any, weights: tuple[Lane, Lane]) -> Rgba:
-    """The weighted sum of two adjacent texels."""
-    a, b = weights
-    return a * t[0] + b * t[4], a * t[1] + b * t[5], a * t[2] + b * t[6], a * t[3] + b * t[7]
-
-
-@helper
-def _add(p: Rgba, q: Rgba) -> Rgba:
-    return p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3]
-
-
-@helper
-def _mix(texels: Any, rows: Rgba, weights: Rgba, channel: int) -> Lane:
-    a, b = weights[0] * texels[rows[0], channel], weights[1] * texels[rows[1], channel]
-    return (a + b) + (weights[2] * texels[rows[2], channel] + weights[3] * texels[rows[3], channel])
-
-
-@helper
-def _wrap_index(i: Lane, n: Lane, wrap: Lane) -> tuple[tuple[Lane, Lane], tuple[Lane, Lane]]:
-    """Indices i and i + 1 wrapped to 0 … n-1, each with weight 1, or 0 outside of an image on black."""
-    index, after = i, i + 1
-    if ops.any_lane(wrap == MIRROR):
-        index = ops.where(wrap == MIRROR, _mirror(i, n), index)
-        after = ops.where(wrap == MIRROR, _mirror(i + 1, n), after)
-    if ops.any_lane(wrap == REPEAT):
-        rest = _remainder(i, n)
-        index = ops.where(wrap == REPEAT, rest, index)
-        after = ops.where(wrap == REPEAT, ops.where(rest + 1 < n, rest + 1, 0), after)
-    last = n - 1
-    inside = ops.where((i < 0) | (i > last), 0.0, 1.0), ops.where((i < -1) | (i + 1 > last), 0.0, 1.0)
-    return (
-        (ops.maximum(0, ops.minimum(index, last)), ops.where(wrap == BLACK, inside[0], 1.0)),
-        (ops.maximum(0, ops.minimum(after, last)), ops.where(wrap == BLACK, inside[1], 1.0)),
-    )
-
-
-@helper
-def _mirror(i: Lane, n: Lane) -> Lane:
-    twice = _remainder(i, 2 * n)
-    return ops.where(twice < n, twice, 2 * n - 1 - twice)
-
-
-@helper
-def _remainder(i: Lane, n: Lane) -> Lane:
-    """i modulo n without integer division, which is not vectorized."""
-    rest = i - ops.floor_int(ops.to_float(i) * (1.0 / ops.to_float(n))) * n
-    return ops.where(rest < 0, rest + n, ops.where(rest >= n, rest - n, rest))

@@ -34,14 +34,20 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None, 
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:
         sentences.append(_camera(builder, settings))
-    shining = bool(settings.bounces) and builder.shines()  # emissive surfaces light others only where bounces are traced
-    if lights and builder.count("lights") == 0 and not shining:
+    if lights and builder.count("lights") == 0 and not (builder.shines() and _bounces(builder, settings)):
         builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
         builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
         x, y, z = SUN_FROM
         sentences.append(f"sun: the scene has no light; one from [{x:g}, {y:g}, {z:g}] with {SUN:.4g} lx")
         sentences.append(f"sky: the scene has no light; an even one of {SKY:g} nit")
     return tuple(sentences)
+
+
+def _bounces(builder: SceneBuilder, settings: ir.Settings) -> bool:
+    """Whether paths are traced, so that what emits lights the rest: where bounces are asked for, and in scenes with media by default."""
+    if settings.bounces is not None:
+        return settings.bounces > 0
+    return builder.has_participating_media() and settings.backend != "raster"
 
 
 def framing(

@@ -52,6 +52,28 @@ def test_what_is_there_is_not_added(compiled) -> None:
     assert (len(scene.tables.cameras.extent), len(scene.tables.lights.kind)) == (1, 1)
 
 
+FLAME = "box(1, medium: medium(emission: 2, density: |x, y, z| max(0.4 - y, 0)))\nplane(y: -1)\n"
+LAMP = "torus(0.3, 0.1, center: [0, 2, 0], material: emissive(#ffffff))\n"  # no row of lights
+
+
+@pytest.mark.parametrize(("text", "added"), [
+    (FLAME, False),
+    ("box(1, material: glass(), medium: medium(emission: 2))", False),
+    (FLAME + "render(bounces: 4)", False),
+    (FLAME + "render(bounces: 0)", True),  # nothing that emits lights the rest
+    (FLAME + 'render(backend: "raster")', True),
+    ("box(1, medium: medium(emission: 0, absorption: 1))", True),
+    ("box(1, medium: medium(#ffffff, depth: 1))", True),  # scatters light, and has none
+    (LAMP + "box(1, material: subsurface(#ffffff, radius: 0.1))", False),
+    (LAMP + "box(1, medium: medium(#ffffff, depth: 1))", False),
+    (LAMP + "fog(visibility: 10m)", False),
+    (LAMP + "box(1, material: glass(), medium: medium(absorption: 1))", True),  # no paths are traced
+])  # fmt: skip
+def test_what_emits_is_a_light_where_paths_are_traced(compiled, text: str, added: bool) -> None:
+    kinds = compiled(text).tables.lights.kind.tolist()
+    assert kinds == ([ir.LightKind.SUN, ir.LightKind.SKY] if added else [])
+
+
 def test_endless_things_are_left_out_of_the_frame(compiled) -> None:
     with_floor, alone = (compiled(text + "sphere(0.2, center: [0, 7, 0])\nsun()") for text in ("plane(y: 0)\n", ""))
     a, b = (s.tables.transforms.matrix[s.tables.cameras.transform[0]] for s in (with_floor, alone))

@@ -42,8 +42,7 @@ _NO_INVERSE = {
     True: ("this is flattened to nothing by its transform (no inverse)", "a scale must not be 0 along any axis"),
     False: ("the transform of this has numbers that are not finite", ""),
 }
-_BOUNDS, _VALUES = ir.Geometries._fields.index("bounds"), ir.Materials._fields.index("values")
-_GLOW, _SCATTERING = ir.Media._fields.index("emission"), ir.Media._fields.index("scattering")
+_BOUNDS = ir.Geometries._fields.index("bounds")
 _CHUNK = 1 << 16  # copies that are added at once: their temporaries stay small
 _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "one a vertex", ir.Interpolation.CORNER: "one a corner"}
 
@@ -383,14 +382,10 @@ class SceneBuilder:
                 extents.append(np.stack([bounded[:, 0].min(axis=0), bounded[:, 1].max(axis=0)]))
         return np.stack([np.min(extents, axis=0)[0], np.max(extents, axis=0)[1]]) if extents else None
 
-    def shines(self) -> bool:
-        """Whether some instance's material, or some medium, emits light."""
-        emitting = [index for index, row in enumerate(self._rows["materials"]) if any(row[_VALUES][ir.Slot.EMISSION])]
-        return bool(np.isin(self._instances.table()[:, MATERIAL], emitting).any()) or any(any(row[_GLOW]) for row in self._rows["media"])
-
-    def has_participating_media(self) -> bool:
-        """Whether some medium scatters or emits light, so that paths are traced unless the settings say otherwise."""
-        return any(any(row[_GLOW]) or any(row[_SCATTERING]) for row in self._rows["media"])
+    def emission(self) -> tuple[bool, bool]:
+        """(whether some instance's material, or some medium, emits light; whether some medium emits or scatters it)."""
+        emitting, glows, scatters = row_tables.emitting(self._rows["materials"], self._rows["media"])
+        return bool(np.isin(self._instances.table()[:, MATERIAL], emitting).any()) or glows, glows or scatters
 
     def count(self, table: str) -> int:
         """Number of rows of a table so far."""

@@ -34,7 +34,7 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None, 
         builder.diagnostics.warning("there is nothing to draw: the picture will be empty", span, hint)
     if builder.count("cameras") == 0:
         sentences.append(_camera(builder, settings))
-    if lights and builder.count("lights") == 0 and not (builder.shines() and _bounces(builder, settings)):
+    if lights and builder.count("lights") == 0 and not _is_lit(builder, settings):
         builder.light(LightData(ir.LightKind.SUN, (SUN, SUN, SUN), direction=_unit(SUN_FROM), angle=SUN_ANGLE / 2, name="sun"))
         builder.light(LightData(ir.LightKind.SKY, (SKY, SKY, SKY), name="sky"))
         x, y, z = SUN_FROM
@@ -43,11 +43,11 @@ def add(builder: SceneBuilder, settings: ir.Settings, span: Span | None = None, 
     return tuple(sentences)
 
 
-def _bounces(builder: SceneBuilder, settings: ir.Settings) -> bool:
-    """Whether paths are traced, so that what emits lights the rest: where bounces are asked for, and in scenes with media by default."""
-    if settings.bounces is not None:
-        return settings.bounces > 0
-    return builder.has_participating_media() and settings.backend != "raster"
+def _is_lit(builder: SceneBuilder, settings: ir.Settings) -> bool:
+    """Whether what emits lights the rest: where bounces are asked for, and in scenes with media, whose paths are traced by default."""
+    emits, participates = builder.emission()
+    traced = settings.bounces > 0 if settings.bounces is not None else participates and settings.backend != "raster"
+    return emits and traced
 
 
 def framing(

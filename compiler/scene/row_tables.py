@@ -59,6 +59,13 @@ def clear_rows(rows: Sequence[Sequence[Any]]) -> list[int]:
     return [k for k, row in enumerate(rows) if row[-1] >= 0 and _passes_straight(material_data(row, ""))]
 
 
+def emitting(materials: Sequence[Sequence[Any]], media: Sequence[Sequence[Any]]) -> tuple[list[int], bool, bool]:
+    """(rows of Materials that emit light, whether some medium does, whether some medium scatters it)."""
+    values, glow, back = ir.Materials._fields.index("values"), ir.Media._fields.index("emission"), ir.Media._fields.index("scattering")
+    rows = [index for index, row in enumerate(materials) if any(row[values][ir.Slot.EMISSION])]
+    return rows, any(any(row[glow]) for row in media), any(any(row[back]) for row in media)
+
+
 def _passes_straight(material: MaterialData) -> bool:
     color, ior, rough = (material.inputs[slot] for slot in (ir.Slot.TRANSMISSION, ir.Slot.IOR, ir.Slot.ROUGHNESS))
     plain = color.value == WHITE and ior.value[0] == 1.0 and rough.value[0] == 0.0

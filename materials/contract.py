@@ -27,6 +27,7 @@ class Lobes(Flag):
     FACETS = auto()  # microfacets
     BASE = auto()  # a diffuse base under microfacets
     EMISSION = auto()  # emission alone
+    SLABS = auto()  # slabs of OpenPBR
     PARTS = auto()  # those of its two parts
 
 

@@ -30,6 +30,7 @@ PRIORITY = "the priority of a medium is not carried: where shapes overlap, both 
 INSIDE_OF_MEDIUM = "a light or a camera inside of a medium is not carried: Mitsuba takes it to be outside"
 SCATTERS_ONCE = "light scatters once in media of POV-Ray: they are darker where it scatters more often"
 SHEEN = "sheen is not carried"
+FUZZ = "fuzz is carried as sheen, whose law is another"
 ROUGH_GLASS = "roughness of glass is not carried"
 ABSORPTION = "what glass absorbs inside is not carried"
 REFRACTION = "refraction is not carried: glass is a surface that light passes straight"
@@ -50,3 +51,8 @@ _NAMES = {
 def texture(slot: ir.Slot) -> str:
     """The loss of an input's texture."""
     return f"a texture of {_NAMES.get(slot, slot.name.lower())} is not carried"
+
+
+def argument(name: str) -> str:
+    """The loss of an argument of an element."""
+    return f"`{name}` is not carried"

@@ -155,6 +155,16 @@ def facets(tables: ir.Tables) -> np.ndarray:
     return has(tables, Lobes.FACETS)
 
 
+def slabs(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials of OpenPBR's slabs."""
+    return has(tables, Lobes.SLABS)
+
+
+def anisotropic(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials whose highlights have a direction."""
+    return slabs(tables) & (_may_exceed(tables, Slot.ANISOTROPY) | _may_exceed(tables, Slot.COAT_ANISOTROPY))
+
+
 def added(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with a lobe beside the classic ones."""
     return _ADDED[tables.materials.model]
@@ -180,7 +190,7 @@ def glossy(tables: ir.Tables) -> np.ndarray:
     bound = thresholds.MAX_REFLECTION_ROUGHNESS
     polish = _may_be_below(tables, Slot.ROUGHNESS, bound) | _may_exceed(tables, Slot.METALLIC)
     polish |= _may_exceed(tables, Slot.COAT) & _may_be_below(tables, Slot.COAT_ROUGHNESS, bound)
-    based = has(tables, Lobes.BASE)
+    based = has(tables, Lobes.BASE | Lobes.SLABS)
     return (facets(tables) & ~based) | (based & polish) | rough_glass(tables)
 
 
@@ -192,7 +202,7 @@ def specular(tables: ir.Tables) -> np.ndarray:
 def lit(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with direct light: diffuse, with a highlight, or rough glass."""
     plain = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE, Slot.SPECULAR)
-    return plain | has(tables, Lobes.FACETS | Lobes.PARTS) | rough_glass(tables) | added(tables)
+    return plain | has(tables, Lobes.FACETS | Lobes.SLABS | Lobes.PARTS) | rough_glass(tables) | added(tables)
 
 
 def flat_coats(tables: ir.Tables) -> np.ndarray:
@@ -219,8 +229,9 @@ def sharp(tables: ir.Tables) -> np.ndarray:
 def polished(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: polished metals and frosted glass; a blend counts as its parts."""
     smooth = (tables.materials.values[:, Slot.ROUGHNESS, 0] <= thresholds.MAX_CAUSTIC_ROUGHNESS) | _textured(tables, Slot.ROUGHNESS)
-    metallic = (tables.materials.values[:, Slot.METALLIC, 0] >= 1.0) | _textured(tables, Slot.METALLIC) | ~has(tables, Lobes.BASE)
-    return with_parts(tables, (facets(tables) & smooth & metallic) | (rough_glass(tables) & smooth))
+    metallic = (tables.materials.values[:, Slot.METALLIC, 0] >= 1.0) | _textured(tables, Slot.METALLIC)
+    metallic |= ~has(tables, Lobes.BASE | Lobes.SLABS)
+    return with_parts(tables, ((facets(tables) | slabs(tables)) & smooth & metallic) | (rough_glass(tables) & smooth))
 
 
 def narrow_highlights(tables: ir.Tables) -> np.ndarray:
@@ -236,7 +247,7 @@ def narrow_highlights(tables: ir.Tables) -> np.ndarray:
     f0 = np.maximum(boundary, np.minimum(_most(tables, Slot.DIFFUSE, 1.0), 1.0) * metallic)
     f0 = np.where(_BY_SLOT[m.model], _most(tables, Slot.SPECULAR, 1.0), f0)
     coat = reflects(thresholds.COAT * _most(tables, Slot.COAT, 1.0), _least(tables, Slot.COAT_ROUGHNESS))
-    based = has(tables, Lobes.BASE)
+    based = has(tables, Lobes.BASE | Lobes.SLABS)
     highlights = np.where(based, np.maximum(reflects(f0, _least(tables, Slot.ROUGHNESS)), coat), 0.0)
     phong = _most(tables, Slot.SPECULAR, 1.0)
     least = np.where(phong >= thresholds.BRIGHT, thresholds.PEAK, thresholds.FAINT_PEAK)
@@ -250,7 +261,7 @@ def narrow_highlights(tables: ir.Tables) -> np.ndarray:
 def receives_caustics(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials that are not perfectly specular."""
     diffuse = _positive(tables, Slot.DIFFUSE, Slot.SPECULAR) | _textured(tables, Slot.DIFFUSE)
-    return (diffuse | added(tables) | has(tables, Lobes.FACETS | Lobes.PARTS)) & ~has(tables, Lobes.MIRROR)
+    return (diffuse | added(tables) | has(tables, Lobes.FACETS | Lobes.SLABS | Lobes.PARTS)) & ~has(tables, Lobes.MIRROR)
 
 
 def diffuse(tables: ir.Tables) -> np.ndarray:
@@ -261,7 +272,8 @@ def diffuse(tables: ir.Tables) -> np.ndarray:
 def mostly_diffuse(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials whose diffuse lobe outweighs metal, mirror and transmission; blends count as such."""
     other = tables.materials.values[:, [Slot.METALLIC, Slot.TRANSMISSION, Slot.REFLECTION]].max(axis=(1, 2), initial=0.0)
-    based = has(tables, Lobes.CLASSIC | Lobes.BASE) & (_positive(tables, Slot.DIFFUSE) | _textured(tables, Slot.DIFFUSE) | added(tables))
+    colored = _positive(tables, Slot.DIFFUSE) | _textured(tables, Slot.DIFFUSE) | added(tables)
+    based = has(tables, Lobes.CLASSIC | Lobes.BASE | Lobes.SLABS) & colored
     return (based | has(tables, Lobes.PARTS)) & (other < 0.5)
 
 

@@ -69,6 +69,7 @@ class Surface(NamedTuple):
     spread: Any = None  # differences of (u, v) to the next pixel right and below, with procedural textures also of `local`; None: unknown
     lift: Any = None  # Vec to the origin of shadow rays, off coarse triangles with interpolated normals, see surface.lit_from
     known: Any = None  # known shadows of lights here, see formula_packets/shadow_rays.py; None: unknown
+    tangent: Any = None  # Vec along u, see surface/tangent_frame.py; None where no material needs it
 
 
 class Float3(NamedTuple):

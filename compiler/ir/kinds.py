@@ -56,6 +56,7 @@ class MaterialModel(Kind):
     BLEND = 9  # two materials, the second weighted by WEIGHT
     TRANSLUCENT = 10  # diffuse reflection and transmission of a sheet
     SUBSURFACE = 11  # diffuse transmission into a body with a medium; AMBIENT is its colour where it is drawn as a surface
+    OPENPBR = 12  # slabs of OpenPBR Surface: fuzz over a coat over a metal or a dielectric
 
 
 class Shading(Kind):
@@ -90,6 +91,27 @@ class Slot(Kind):
     SHEEN_ROUGHNESS = 20  # number
     DIFFUSE_TRANSMISSION = 21  # colour: share of the light that leaves a sheet diffusely on the other side
     RADIUS = 22  # number: factor of how far light goes below the surface of a body
+    BASE_WEIGHT = 23  # number: factor of the colour of OpenPBR's base; DIFFUSE is that colour, SPECULAR specular_color
+    DIFFUSE_ROUGHNESS = 24  # number
+    SPECULAR_WEIGHT = 25  # number: factor of the reflectance at normal incidence
+    ANISOTROPY = 26  # number: 0 round highlights, 1 lines
+    ROTATION = 27  # number: turns from the tangent along u to the long side of the highlight
+    COAT_COLOR = 28  # colour
+    COAT_IOR = 29  # number
+    COAT_ANISOTROPY = 30  # number
+    COAT_ROTATION = 31  # number: turns
+    COAT_DARKENING = 32  # number
+    FUZZ = 33  # number: weight
+    FUZZ_COLOR = 34  # colour
+    FUZZ_ROUGHNESS = 35  # number
+    FILM = 36  # number: weight of a thin film
+    FILM_THICKNESS = 37  # number: micrometres
+    FILM_IOR = 38  # number
+    TRANSMISSION_WEIGHT = 39  # number: share of a dielectric that light passes
+    TRANSMISSION_COLOR = 40  # colour: factor of light that passes the surface
+    SUBSURFACE_WEIGHT = 41  # number: share of the opaque dielectric that light scatters in
+    SUBSURFACE_COLOR = 42  # colour
+    THIN_WALLED = 43  # number, 0 or 1; no texture
 
 
 SLOTS = len(Slot)

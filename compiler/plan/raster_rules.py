@@ -103,7 +103,7 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
         return "patterns are formulas, which are evaluated in float64"
     if (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP]] >= 0).any():
         return "some material has a normal or bump map"
-    if traits.facets(scene.tables)[used].any():
+    if (traits.facets(scene.tables) | traits.slabs(scene.tables))[used].any():
         return "some material has a microfacet BSDF"
     if traits.added(scene.tables)[used].any():
         return "some material has a lobe of its own"

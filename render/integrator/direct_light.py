@@ -11,7 +11,7 @@ from ..accel.formula_packets import shadow_rays
 from ..jit.kernel import helper, specialize_either, specialize_if_present
 from ..lanes import ops
 from ..light import airlight, light_kinds, light_samples, lights, links, shadow_map
-from ..material import added_lobes, bsdf, medium_stack, microfacet
+from ..material import added_lobes, bsdf, medium_stack
 from ..material.shader import Shader
 from ..sampling import sobol
 from ..surface import interaction, normal_map
@@ -100,7 +100,7 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
     horizon = ops.like3(point.offset, options.horizon.x, options.horizon.y, options.horizon.z)
     bounded = ((point.instance != options.ground) & (options.ground >= 0)) & tables.lights.shadows[light]
     direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
-    matt = microfacet.matt_share(shader.lobes, shader.diffuse, point.normal, direction, viewer)
+    matt = bsdf.matt_share(shader, point.normal, direction, viewer)
     given = ops.scale(ops.mul(matt, _sky_radiance(scene, point, light, direction)), share)
     visible = _faces(scene, point, shader, direction, active)
     sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)

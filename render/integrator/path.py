@@ -17,7 +17,7 @@ from ..material import bsdf, medium_stack
 from ..material.bsdf import Scattered
 from ..material.shader import ONLY, evaluate_shader_filtered
 from ..simd.registration import overload
-from ..surface import blend, interaction, normal_map
+from ..surface import blend, interaction, normal_map, tangent_frame
 from ..types import Hit, Lane, Options, Surface, Tables, Vec, VertexLight
 from . import gouraud
 from .light_sampling import facing, sample_direct
@@ -73,6 +73,7 @@ def shade_vertex(
         path.body, path.leaving,
     )  # fmt: skip
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
+    point = tangent_frame.attach(tables, point, hit)
     surfaces = flights.surfaces(event, here)
     shader = evaluate_shader_filtered(tables, point, uses, path.inside)
     ahead = photon_volume.wall(photon_volume.of(inputs.photons), None, tables, path, point, hit.t)

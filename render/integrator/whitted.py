@@ -24,7 +24,7 @@ from ..light import airlight, lights, links
 from ..material import medium_stack
 from ..material.shader import evaluate_shader_inside
 from ..sampling import sobol
-from ..surface import blend, interaction, normal_map, texture_footprint
+from ..surface import blend, interaction, normal_map, tangent_frame, texture_footprint
 from ..types import Hit, Lane, Options, Ray, Surface, Tables, Vec
 from . import background, direct_light, ray_stack
 from .ray_stack import LIGHT_DIMENSIONS, SPECULAR_RAY, STRAIGHT_RAY
@@ -85,7 +85,8 @@ def radiance(
             point = texture_footprint.on_surface(tables, ray, group, interaction.make_interaction(tables, ray, group), cone)
             sampler = SampleIndex(pixel, sample, key)
             point, here = _part(tables, (point, here), sampler, options.seed)
-            point = interaction.override_interaction(known, normal_map.apply_maps(tables, point, group, ray.direction))
+            point = tangent_frame.attach(tables, normal_map.apply_maps(tables, point, group, ray.direction), group)
+            point = interaction.override_interaction(known, point)
             share, light, waiting = _shade(scene, point, group, here, state, sampler, stack, waiting)
             total = ops.where3(here, ops.add(total, ops.mul(share, light)), total)
             rest = rest & ops.not_(here)

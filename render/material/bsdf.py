@@ -14,7 +14,7 @@ from ..lanes import ops
 from ..light import lights
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Vec
-from . import added_lobes, body_coat, fresnel, microfacet, phong, rough_dielectric, sheen
+from . import added_lobes, body_coat, fresnel, microfacet, openpbr, phong, rough_dielectric, sheen
 from .shader import ONLY, Shader, Uses
 
 NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the diffuse base under it; at 0.06 neither is better
@@ -27,6 +27,7 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
     light = added_lobes.value(shader.added, light, normal, to_light, to_viewer)
     light = microfacet.reflected(shader.lobes, light, normal, to_light, to_viewer)
     light = body_coat.reflected(shader.coat, light, normal, to_light, to_viewer)
+    light = openpbr.reflected(shader.slabs, light, normal, to_light, to_viewer)
     return rough_dielectric.reflected(shader.frost, light, normal, to_light, to_viewer)
 
 
@@ -37,6 +38,7 @@ def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -
     light = added_lobes.value(shader.added, phong.reflected_classic(shader, normal, to_light, to_viewer), normal, to_light, to_viewer)
     plain = light, (none, none, none), none
     found = microfacet.eval_lobes_pdf(shader.lobes, plain, normal, to_light, to_viewer)
+    found = openpbr.eval_lobes_pdf(shader.slabs, found, normal, to_light, to_viewer)
     return rough_dielectric.eval_lobes_pdf(shader.frost, found, normal, to_light, to_viewer)
 
 
@@ -44,13 +46,13 @@ def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -
 def is_lit(shader: Shader) -> Lane:
     """Whether it reflects or transmits the light of lights: not only specular."""
     plain = added_lobes.or_has(shader.added, ops.largest(shader.diffuse) + ops.largest(shader.specular) > 0.0)
-    return rough_dielectric.or_rough(shader.frost, reflects(shader.lobes, plain))
+    return rough_dielectric.or_rough(shader.frost, openpbr.or_slabs(shader.slabs, reflects(shader.lobes, plain)))
 
 
 @helper
 def has_matt(shader: Shader) -> Lane:
     """Whether it has a diffuse lobe."""
-    return has_base(shader.lobes, added_lobes.or_has(shader.added, ops.largest(shader.diffuse) > 0.0))
+    return openpbr.or_matt(shader.slabs, has_base(shader.lobes, added_lobes.or_has(shader.added, ops.largest(shader.diffuse) > 0.0)))
 
 
 @helper
@@ -64,7 +66,8 @@ has_base = specialize_if_present(_has_base)
 @helper
 def is_polished(shader: Shader) -> Lane:
     """Whether all its lobes are narrow: metals and glass of α up to MAX_CAUSTIC_ALPHA."""
-    return rough_dielectric.is_fine(shader.frost, _are_narrow(shader.lobes, ops.bool_like(shader.ior, False)), MAX_CAUSTIC_ALPHA)
+    plain = openpbr.or_polished(shader.slabs, _are_narrow(shader.lobes, ops.bool_like(shader.ior, False)), MAX_CAUSTIC_ALPHA)
+    return rough_dielectric.is_fine(shader.frost, plain, MAX_CAUSTIC_ALPHA)
 
 
 @helper
@@ -86,7 +89,8 @@ def has_bright_narrow_lobe(shader: Shader) -> Lane:
     clear = ops.largest(shader.reflection) + ops.largest(shader.transmission) <= 0.0
     bright = ops.largest(shader.specular)
     narrow = bright * (shader.shininess + 2.0) >= ops.where(bright >= BRIGHT, PEAK, FAINT_PEAK)
-    return clear & _have_bright_lobe(shader.lobes, narrow & shader.normalized & (ops.largest(shader.diffuse) > 0.0))
+    plain = _have_bright_lobe(shader.lobes, narrow & shader.normalized & (ops.largest(shader.diffuse) > 0.0))
+    return clear & openpbr.bright(shader.slabs, plain)
 
 
 @helper
@@ -104,7 +108,7 @@ _have_bright_lobe = specialize_if_present(_bright)
 def has_narrow_lobe(shader: Shader) -> Lane:
     """Whether it is diffuse under a glossy lobe of α up to NARROW."""
     classic = (ops.largest(shader.specular) > 0.0) & (shader.shininess + 2.0 >= 2.0 / NARROW**2)
-    return _have_narrow_lobe(shader.lobes, classic & (ops.largest(shader.diffuse) > 0.0))
+    return openpbr.narrow_over_base(shader.slabs, _have_narrow_lobe(shader.lobes, classic & (ops.largest(shader.diffuse) > 0.0)))
 
 
 @helper
@@ -121,13 +125,22 @@ def eval_diffuse(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> 
     """Return the diffuse part of `reflected`."""
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)
     plain = ops.scale(microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer), cosine)
-    return added_lobes.value(shader.added, plain, normal, to_light, to_viewer)
+    plain = added_lobes.value(shader.added, plain, normal, to_light, to_viewer)
+    return openpbr.eval_matt(shader.slabs, plain, normal, to_light, to_viewer)
+
+
+@helper
+def matt_share(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+    """Return π f of the diffuse lobe alone, without those that materials add."""
+    plain = microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer)
+    return openpbr.matt_share(shader.slabs, plain, normal, to_light, to_viewer)
 
 
 @helper
 def is_shiny(shader: Shader) -> Lane:
     """Whether it has a highlight that is not specular."""
-    return rough_dielectric.or_rough(shader.frost, reflects(shader.lobes, ops.largest(shader.specular) > 0.0))
+    plain = openpbr.or_slabs(shader.slabs, reflects(shader.lobes, ops.largest(shader.specular) > 0.0))
+    return rough_dielectric.or_rough(shader.frost, plain)
 
 
 @helper
@@ -148,6 +161,7 @@ reflects = specialize_if_present(_reflects)
 def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
     """(direction, weight) of a sample of the highlight: `weight` is the share of its radiance that goes to the viewer."""
     plain = microfacet.sample_shine(shader.lobes, phong.sample_classic_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
+    plain = openpbr.sample(shader.slabs, plain, normal, to_viewer, u, v, which, False)
     return rough_dielectric.sample(shader.frost, plain, normal, to_viewer, u, v, which)
 
 
@@ -160,6 +174,7 @@ def sample_glossy_or_diffuse(
     plain = lights.cosine_sample(normal, u, v)[0], ops.scale(shader.diffuse, factor)
     plain = added_lobes.sample_beside_diffuse(shader.added, plain, normal, to_viewer, u, v, which, factor)
     plain = microfacet.sample_all(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
+    plain = openpbr.sample(shader.slabs, plain, normal, to_viewer, u, v, which, interreflection)
     return rough_dielectric.sample(shader.frost, plain, normal, to_viewer, u, v, which)
 
 
@@ -178,17 +193,18 @@ def scatters_through(shader: Shader, plain: Lane) -> Lane:
 @helper
 def is_glossy(shader: Shader) -> Lane:
     """Whether its highlight shows surroundings: metals, polish and rough glass (of plan.glossy_materials)."""
-    return rough_dielectric.or_rough(shader.frost, microfacet.glossy(shader.lobes, ops.bool_like(shader.ior, False)))
+    plain = openpbr.glossy(shader.slabs, microfacet.glossy(shader.lobes, ops.bool_like(shader.ior, False)))
+    return rough_dielectric.or_rough(shader.frost, plain)
 
 
 def has_facets(shader: Shader) -> bool:
     """Whether a scene has microfacets or rough glass; a constant in kernels."""
-    return shader.lobes is not None or shader.frost is not None
+    return shader.lobes is not None or shader.frost is not None or shader.slabs is not None
 
 
 def have_facets(shader: Any) -> bool:
     """`has_facets` of the Numba type of a Shader."""
-    return any(not isinstance(shader.types[shader.fields.index(name)], types.NoneType) for name in ("lobes", "frost"))
+    return any(not isinstance(shader.types[shader.fields.index(name)], types.NoneType) for name in ("lobes", "frost", "slabs"))
 
 
 @overload(has_facets)
@@ -200,7 +216,7 @@ def _has_facets(shader):
 @helper
 def facets_of(shader: Shader) -> Lane:
     """Where the material has microfacets or is rough glass."""
-    return rough_dielectric.or_rough(shader.frost, reflects(shader.lobes, ops.bool_like(shader.ior, False)))
+    return rough_dielectric.or_rough(shader.frost, openpbr.or_slabs(shader.slabs, reflects(shader.lobes, ops.bool_like(shader.ior, False))))
 
 
 # --- sampling for paths -------------------------------------------------------------------------------------------------
@@ -239,6 +255,7 @@ def diffuse_part(shader: Shader, uses: Uses, normal: Vec, to_viewer: Vec) -> tup
             sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
         chance = matt / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
         albedo, chance = microfacet.diffuse_part(shader.lobes, (albedo, chance), normal, to_viewer, sharp)
+        albedo, chance = openpbr.diffuse_part(shader.slabs, (albedo, chance), normal, to_viewer)
         glass, zero = is_rough_glass(shader, ops.bool_like(shader.ior, False)), 0.0 * shader.ior
         albedo, chance = ops.where3(glass, (zero, zero, zero), albedo), ops.where(glass, zero, chance)
     return albedo, chance
@@ -262,6 +279,7 @@ def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_vie
         density = density / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
         share, density = microfacet.eval_pdf(shader.lobes, (share, density), normal, to_light, to_viewer, sharp)
         density = body_coat.density(shader.coat, density, shader.added, normal, to_light, to_viewer, sharp)
+        share, density = openpbr.eval_pdf(shader.slabs, (share, density), normal, to_light, to_viewer)
         share, density = rough_dielectric.eval_pdf(shader.frost, (share, density), normal, to_light, to_viewer)
     return share, density
 
@@ -281,7 +299,7 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
             mirror, clear = ops.mean3(shader.reflection), ops.mean3(shader.transmission)
         classic = added_lobes.chance(shader.added, matt + shiny, normal, to_viewer)
         blunt = body_coat.whole(shader.coat, microfacet.whole(shader.lobes, classic, normal, to_viewer), shader.added, normal, to_viewer)
-        blunt = rough_dielectric.one(shader.frost, blunt)
+        blunt = rough_dielectric.one(shader.frost, openpbr.one(shader.slabs, blunt))
         whole = ops.maximum(blunt + mirror + clear, lights.TINY)
         which = which * whole
         if uses.glossy:
@@ -291,6 +309,7 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
         direction = added_lobes.draw(shader.added, direction, normal, to_viewer, u, v, which - matt - shiny)
         direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
         drawn = body_coat.draw(shader.coat, (direction, ops.bool_like(zero, True)), shader.added, normal, to_viewer, u, v, which)
+        drawn = openpbr.draw(shader.slabs, drawn, normal, to_viewer, u, v, which)
         direction, meant = rough_dielectric.draw(shader.frost, drawn, normal, to_viewer, u, v, which)
         share, density = eval_bsdf_pdf(shader, uses, normal, direction, to_viewer)
         weight = ops.scale(share, ops.where(meant, 1.0 / (math.pi * ops.maximum(density, lights.TINY)), 0.0))

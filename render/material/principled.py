@@ -19,7 +19,7 @@ from ..simd.registration import overload
 from ..surface import blend, model_tests, normal_map
 from ..surface.material_inputs import color_of, number_of
 from ..types import Surface, Tables
-from . import added_lobes, body_coat, energy_compensation, medium_stack, microfacet, rough_dielectric, sheen
+from . import added_lobes, body_coat, energy_compensation, medium_stack, microfacet, openpbr, rough_dielectric, sheen
 from .microfacet import Lobes
 
 DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
@@ -49,6 +49,7 @@ class Layered(NamedTuple):
     blended: Any  # blend.Blended or Plain
     added: Any  # added_lobes.Added or NotAdded
     coats: Any  # body_coat.Coats or NoCoats
+    slabs: Any  # openpbr.SlabTables or NoSlabs
 
 
 class Smooth(NamedTuple):
@@ -66,10 +67,11 @@ def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...]
         sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general, around), blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general), body_coat.tables_of(tables, general),
+        openpbr.tables_of(tables),
     )  # fmt: skip
     absent = (
         Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded,
-        body_coat.NoCoats,
+        body_coat.NoCoats, openpbr.NoSlabs,
     )  # fmt: skip
     if all(isinstance(part, absent) for part in parts):
         return tables

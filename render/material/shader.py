@@ -11,7 +11,8 @@ from ..light import lights
 from ..surface import model_tests
 from ..surface.material_inputs import color_of
 from ..types import Lane, Surface, Tables, Vec
-from . import added_lobes, body_coat, medium_stack, microfacet, principled, rough_dielectric
+from . import added_lobes, body_coat, medium_stack, microfacet, openpbr, principled, rough_dielectric
+from .slabs import Slabs
 
 AMBIENT = int(ir.Slot.AMBIENT)
 DIFFUSE = int(ir.Slot.DIFFUSE)
@@ -54,6 +55,7 @@ class Shader(NamedTuple):
     frost: Any  # rough_dielectric.Frost; None in scenes without
     added: Any  # a tuple of added_lobes.AddedLobe; None in scenes without
     coat: Any  # body_coat.Coat; None in scenes without
+    slabs: Any  # slabs.Slabs; None in scenes without
 
 
 @helper
@@ -100,9 +102,10 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
     diffuse = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     plain = Shader(
         ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None,
-        added, None,
+        added, None, None,
     )  # fmt: skip
     plain = _with_lobes(principled.at(tables, surface), plain)
+    plain = _with_slabs(openpbr.at(tables, surface), plain)
     plain = _with_coat(body_coat.at(tables, surface, inside), plain)
     return _with_frost(rough_dielectric.at(tables, surface, plain.ior, plain.transmission), plain)
 
@@ -118,11 +121,28 @@ def _replace_lobes(lobes: microfacet.Lobes, plain: Shader) -> Shader:
         ops.where3(here, ops.mul(plain.ambient, lobes.base), plain.ambient), ops.where3(here, black, plain.diffuse),
         ops.where3(here, black, plain.specular), plain.shininess, ops.where3(here, reflection, plain.reflection), plain.transmission,
         ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, lobes, None,
-        plain.added, None,
+        plain.added, None, None,
     )  # fmt: skip
 
 
 _with_lobes = specialize_if_present(_replace_lobes)
+
+
+@helper
+def _replace_slabs(slabs: Slabs, plain: Shader) -> Shader:
+    """Clear the classic lobes in lanes with slabs."""
+    zero = 0.0 * plain.ior
+    here, black = slabs.here, (zero, zero, zero)
+    ambient = ops.scale(slabs.color, 1.0 - slabs.metal)
+    return Shader(
+        ops.where3(here, ambient, plain.ambient), ops.where3(here, black, plain.diffuse), ops.where3(here, black, plain.specular),
+        plain.shininess, ops.where3(here, black, plain.reflection), ops.where3(here, black, plain.transmission),
+        ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, plain.lobes,
+        None, plain.added, None, slabs,
+    )  # fmt: skip
+
+
+_with_slabs = specialize_if_present(_replace_slabs)
 
 
 @helper
@@ -134,7 +154,7 @@ def _replace_glass(frost: rough_dielectric.RoughGlass, plain: Shader) -> Shader:
         plain.ambient, plain.diffuse, plain.specular, plain.shininess, ops.where3(here, black, plain.reflection),
         ops.where3(here, black, plain.transmission), ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn,
         plain.normalized, plain.strength, plain.glass & ops.not_(here), plain.lobes, frost,
-        plain.added, plain.coat,
+        plain.added, plain.coat, plain.slabs,
     )  # fmt: skip
 
 
@@ -147,7 +167,7 @@ def _add_coat(coat: body_coat.Coat, plain: Shader) -> Shader:
     return Shader(
         plain.ambient, plain.diffuse, plain.specular, plain.shininess, body_coat.mirrors(coat, plain.reflection), plain.transmission,
         ops.where(coat.here, 1.0 + 0.0 * plain.ior, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass,
-        plain.lobes, None, plain.added, coat,
+        plain.lobes, None, plain.added, coat, plain.slabs,
     )  # fmt: skip
 
 

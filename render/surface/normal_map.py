@@ -200,7 +200,7 @@ def _apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Sur
     place = instance_transform.transform_at(tables, ops.to_int(tables.instances.transform[point.instance]), point.time)
     outward = ops.scale(point.normal, side)
     s, t = ops.basis(point.local_normal)
-    step = STEP * _size(tables, point)
+    step = STEP * size_of(tables, point)
     over_s, over_t = shift_point(tables, point, hit, s, step), shift_point(tables, point, hit, t, step)
     normal = outward
     if ops.any_lane(turned):
@@ -226,7 +226,7 @@ def bend_to_viewer(normal: Vec, geometric: Vec, viewer: Vec) -> Vec:
 
 
 @helper
-def _size(tables: Tables, point: Surface) -> Lane:
+def size_of(tables: Tables, point: Surface) -> Lane:
     """Approximate size of the instance in its own frame; 1 where it is unbounded."""
     g = tables.instances.geometry[point.instance]
     bounds = tables.geometries.bounds
@@ -245,14 +245,14 @@ def shift_point(tables: Tables, point: Surface, hit: Hit, direction: Vec, step: 
     part = ops.where(on_mesh, 0, hit.primitive)
     (u, v), _ = analytic_shapes.uv(kind, tables.geometries.parameters, g, part, local)
     if ops.any_lane(on_mesh):
-        slope_u, slope_v = _uv_gradients(tables, g, on_mesh, hit)
+        slope_u, slope_v = uv_gradients(tables, g, on_mesh, hit)
         u = ops.where(on_mesh, point.uv[0] + step * ops.dot(slope_u, direction), u)
         v = ops.where(on_mesh, point.uv[1] + step * ops.dot(slope_v, direction), v)
     return _put_to(point, local, (u, v))
 
 
 @helper
-def _uv_gradients(tables: Tables, g: Lane, on_mesh: Lane, hit: Hit) -> tuple[Vec, Vec]:
+def uv_gradients(tables: Tables, g: Lane, on_mesh: Lane, hit: Hit) -> tuple[Vec, Vec]:
     """Gradients of u and v on a triangle in the mesh's frame; 0 without coordinates or area."""
     row = ops.to_int(tables.geometries.uvs[g])
     has = on_mesh & (row >= 0)
@@ -345,7 +345,7 @@ def _apply_bump(tables: Tables, point: Surface, hit: Hit, s: Vec, t: Vec, place:
     pictured = image >= 0
     image = ops.maximum(image, 0)
     scale = interaction.mean_scale(place.matrix)
-    step = STEP * _size(tables, point)
+    step = STEP * size_of(tables, point)
     if ops.any_lane(pictured):
         texel = ops.minimum(point.metric[0] / tables.images.width[image], point.metric[1] / tables.images.height[image]) / scale
         step = ops.where(pictured, texel, step)

@@ -51,6 +51,7 @@ MODELS: dict[IntEnum, str] = {
     ir.MaterialModel.METAL: 'metal("gold", roughness: 0.3)',
     ir.MaterialModel.TRANSLUCENT: "translucent(0.3, transmission: 0.6)",
     ir.MaterialModel.SUBSURFACE: "subsurface(#d0a080, radius: 0.1)",
+    ir.MaterialModel.OPENPBR: "openpbr(#d0a080, specular_roughness: 0.4, coat_weight: 0.5)",
     ir.MaterialModel.BLEND: 'blend(metal("copper"), lambert(#5a9a80), 0.4)',
 }
 SHADINGS: dict[IntEnum, str] = {

@@ -30,7 +30,7 @@ from ...material.shader import ONLY, Shader, evaluate_shader_filtered
 from ...medium.tracking import Key
 from ...sampling import sobol
 from ...simd.registration import overload, types
-from ...surface import blend, interaction, normal_map
+from ...surface import blend, interaction, normal_map, tangent_frame
 from ...types import Lane, Surface, Tables, Vec
 from ..photon_maps import photon_map, photon_volume
 from ..photon_maps.photon_coverage import photon_covers_lobe
@@ -247,6 +247,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
         event = flights.event_of(flown, None, tables, path, point, hits)
         vertices = flights.vertices(event, hits)
         point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, path.direction)
+        point = tangent_frame.attach(tables, point, hit)
         shader = evaluate_shader_filtered(tables, point, light.uses, path.inside)
         point = flights.place(event, point, path)
         record = _landing(shader, point, flights.surfaces(event, vertices), path.phase, power)

@@ -110,9 +110,10 @@ def uses_of(tables: ir.Tables) -> Uses:
     def any_of(*slots: int) -> bool:
         return bool(values[:, list(slots)].max(initial=0.0) > 0.0)
 
+    lobed = traits.facets(tables) | traits.slabs(tables) | traits.added(tables)
     flat = traits.flat_facets(tables) | traits.flat_coats(tables)
     return Uses(
-        glossy=any_of(slot.SPECULAR) or bool((traits.facets(tables) | traits.added(tables)).any()) or rough_dielectric.is_rough(tables),
+        glossy=any_of(slot.SPECULAR) or bool(lobed.any()) or rough_dielectric.is_rough(tables),
         sharp=any_of(slot.REFLECTION, slot.TRANSMISSION) or bool((traits.has(tables, Lobes.GLASS) | flat).any()),
         shines=any_of(slot.EMISSION),
         ambient=bool(ir.is_in(tables.lights.kind, AMBIENT).any()),

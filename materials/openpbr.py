@@ -1,0 +1,168 @@
+"""OpenPBR Surface 1.1: slabs of fuzz, coat, metal and dielectric. Its element has the names and the defaults of the specification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..compiler import ir
+from ..compiler.scene.row_records import Input, MaterialData, scale_color
+from ..lang.schema.argument_types import Arg, Entry
+from . import losses
+from .arguments import SURFACE
+from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
+
+MODEL = ir.MaterialModel.OPENPBR
+Slot = ir.Slot
+NUMBERS: Mapping[str, tuple[ir.Slot, float, float | None, str]] = {
+    "base_weight": (Slot.BASE_WEIGHT, 1.0, None, "factor of the base colour"),
+    "base_metalness": (Slot.METALLIC, 0.0, 1.0, "0: dielectric, 1: metal"),
+    "base_diffuse_roughness": (Slot.DIFFUSE_ROUGHNESS, 0.0, 1.0, "roughness of the diffuse base: 0 as Lambert, 1 as dust"),
+    "specular_weight": (Slot.SPECULAR_WEIGHT, 1.0, 1.0, "factor of the reflectance of the base at normal incidence"),
+    "specular_roughness": (Slot.ROUGHNESS, 0.3, 1.0, "0: polished, 1: fully rough"),
+    "specular_ior": (Slot.IOR, 1.5, None, "index of refraction of the dielectric base"),
+    "specular_roughness_anisotropy": (Slot.ANISOTROPY, 0.0, 1.0, "0: round highlights, 1: lines along the tangent"),
+    "specular_rotation": (Slot.ROTATION, 0.0, None, "turns from the surface's u to the tangent: 0.25 is a right angle"),
+    "coat_weight": (Slot.COAT, 0.0, 1.0, "weight of the clear coat"),
+    "coat_roughness": (Slot.COAT_ROUGHNESS, 0.0, 1.0, "roughness of the coat, which also roughens the base"),
+    "coat_ior": (Slot.COAT_IOR, 1.6, None, "index of refraction of the coat"),
+    "coat_roughness_anisotropy": (Slot.COAT_ANISOTROPY, 0.0, 1.0, "anisotropy of the coat's highlight"),
+    "coat_rotation": (Slot.COAT_ROTATION, 0.0, None, "turns from the surface's u to the tangent of the coat"),
+    "coat_darkening": (Slot.COAT_DARKENING, 1.0, 1.0, "how much the coat darkens and saturates the base by light that it sends back"),
+    "fuzz_weight": (Slot.FUZZ, 0.0, 1.0, "weight of the fuzz of fibres or dust over all"),
+    "fuzz_roughness": (Slot.FUZZ_ROUGHNESS, 0.5, 1.0, "roughness of the fuzz"),
+}
+"""Arguments that are numbers: slot, default, maximum, meaning."""
+COLORS: Mapping[str, tuple[ir.Slot, float, str]] = {
+    "base_color": (Slot.DIFFUSE, 0.8, "colour of the diffuse base; of metals, their reflectance at normal incidence"),
+    "specular_color": (Slot.SPECULAR, 1.0, "of metals the tint at grazing angles; of dielectrics the tint of the highlight"),
+    "coat_color": (Slot.COAT_COLOR, 1.0, "colour of white light that has passed the coat twice"),
+    "fuzz_color": (Slot.FUZZ_COLOR, 1.0, "colour of the fuzz"),
+}
+"""Arguments that are colours: slot, default, meaning."""
+_ORDER = (
+    "base_color", "base_weight", "base_metalness", "base_diffuse_roughness", "specular_weight", "specular_color", "specular_roughness",
+    "specular_ior", "specular_roughness_anisotropy", "specular_rotation", "coat_weight", "coat_color", "coat_roughness", "coat_ior",
+    "coat_roughness_anisotropy", "coat_rotation", "coat_darkening", "fuzz_weight", "fuzz_color", "fuzz_roughness",
+)  # fmt: skip
+
+
+def data(given: Mapping[ir.Slot, Input], **more: Any) -> MaterialData:
+    """A row from inputs by slot; those that are missing have the default of the specification."""
+    inputs = {slot: Input.number(default) for slot, default, _, _ in NUMBERS.values()}
+    inputs |= {slot: Input((grey, grey, grey)) for slot, grey, _ in COLORS.values()}
+    return MaterialData(MODEL, inputs | dict(given), **more)
+
+
+def _lower(arguments: Arguments) -> MaterialData:
+    color = arguments.color("emission_color")
+    given = {slot: arguments.number(name) for name, (slot, *_) in NUMBERS.items()}
+    given |= {slot: arguments.color(name) for name, (slot, *_) in COLORS.items()}
+    given[Slot.EMISSION] = Input(scale_color(color.value, arguments.args["emission_luminance"]), color.texture)
+    return data(given)
+
+
+def _argument(name: str) -> Arg:
+    keyword = name != "base_color"
+    if name in COLORS:
+        _, grey, meaning = COLORS[name]
+        return Arg(name, "color_map", (grey, grey, grey), meaning, keyword=keyword)
+    slot, default, most, meaning = NUMBERS[name]
+    if slot in (Slot.IOR, Slot.COAT_IOR):
+        return Arg(name, "number_map", default, meaning, above=0.0, keyword=True)
+    least = None if slot in (Slot.ROTATION, Slot.COAT_ROTATION) else 0.0
+    return Arg(name, "number_map", default, meaning, minimum=least, maximum=most, keyword=True)
+
+
+ELEMENTS = (
+    Element(
+        Entry(
+            "openpbr",
+            "material",
+            "OpenPBR Surface: a metal, a dielectric or a mix of both under a coat and fuzz; names and defaults as in its specification 1.1",
+            (
+                *map(_argument, _ORDER),
+                Arg("emission_luminance", "luminance", 0.0, "nit where `emission_color` is 1", minimum=0.0, keyword=True),
+                Arg("emission_color", "color_map", (1.0, 1.0, 1.0), "colour of the light that it emits", keyword=True),
+                *SURFACE,
+            ),
+            example="sphere(1, material: openpbr(#a02818, specular_roughness: 0.2, coat_weight: 1))",
+        ),
+        _lower,
+    ),
+)
+LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.SLABS, Slot.DIFFUSE, None, False
+SLOTS = (*(slot for slot, *_ in NUMBERS.values()), *(slot for slot, *_ in COLORS.values()), Slot.EMISSION)
+LOBE = facets = None
+
+
+def _number(row: Any, slot: ir.Slot) -> float:
+    return float(row.value(slot)[0])
+
+
+def _color(row: Any) -> Input:
+    """The base colour times its weight."""
+    color = row.input(Slot.DIFFUSE)
+    return Input(scale_color(color.value, _number(row, Slot.BASE_WEIGHT)), color.texture)
+
+
+def _report(row: Any, *carried: ir.Slot) -> None:
+    """Report each input that is set and that the format lacks."""
+    plain = {slot: (value, value, value) for slot, value, _ in COLORS.values()}
+    plain |= {slot: (default, 0.0, 0.0) for slot, default, *_ in NUMBERS.values()}
+    parts = {Slot.COAT: COAT, Slot.FUZZ: FUZZ}
+    for name, slot in {name: slot for name, (slot, *_) in {**NUMBERS, **COLORS}.items()}.items():
+        owner = next((weight for weight, slots in parts.items() if slot in slots), None)
+        if slot in carried or (owner is not None and _number(row, owner) == 0.0 and row.texture(owner) < 0):
+            continue
+        numbers = row.value(slot)[:1] if name in NUMBERS else row.value(slot)
+        if row.texture(slot) >= 0 or not np.allclose(numbers, plain[slot][: len(numbers)]):
+            row.cannot(losses.argument(name))
+
+
+COAT = (Slot.COAT_COLOR, Slot.COAT_ROUGHNESS, Slot.COAT_IOR, Slot.COAT_ANISOTROPY, Slot.COAT_ROTATION, Slot.COAT_DARKENING)
+FUZZ = (Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS)
+_BASE = (Slot.DIFFUSE, Slot.BASE_WEIGHT, Slot.METALLIC, Slot.ROUGHNESS)
+
+
+def surface(row: SurfaceRow) -> Exported:
+    """A metallic–roughness surface with a coat, and with fuzz as sheen."""
+    _report(row, *_BASE, Slot.IOR, Slot.COAT, Slot.COAT_ROUGHNESS, Slot.FUZZ, Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS)
+    fuzz, weight = row.input(Slot.FUZZ_COLOR), _number(row, Slot.FUZZ)
+    if weight > 0.0:
+        row.note(losses.FUZZ)
+    return Exported(
+        row.surface(
+            _color(row), row.input(Slot.METALLIC), row.input(Slot.ROUGHNESS), row.ior, emissive=row.input(Slot.EMISSION),
+            coat=row.input(Slot.COAT), coat_roughness=row.input(Slot.COAT_ROUGHNESS),
+            sheen=Input(scale_color(fuzz.value, weight), fuzz.texture), sheen_roughness=row.input(Slot.FUZZ_ROUGHNESS),
+        )
+    )  # fmt: skip
+
+
+def mitsuba(row: MitsubaRow) -> Any:
+    """Mitsuba's `principled`, whose diffuse base and coat are others."""
+    row.cannot("`openpbr` is carried as Mitsuba's `principled`, whose diffuse base and coat are others")
+    _report(row, *_BASE, Slot.IOR, Slot.COAT, Slot.COAT_ROUGHNESS, Slot.ANISOTROPY)
+    eta, coat = float(np.clip(_number(row, Slot.IOR), 1.01, 2.0)), _number(row, Slot.COAT)
+    inputs = (
+        row.color("base_color", Slot.DIFFUSE, _number(row, Slot.BASE_WEIGHT)), row.number("roughness", Slot.ROUGHNESS),
+        row.number("metallic", Slot.METALLIC), row.number("anisotropic", Slot.ANISOTROPY),
+        row.constant("clearcoat_gloss", 1.0 - _number(row, Slot.COAT_ROUGHNESS)),
+    )  # fmt: skip
+    return row.two_sided(row.bsdf("principled", *inputs, eta=eta, clearcoat=coat))
+
+
+def povray(row: PovrayRow) -> Finish:
+    """A diffuse base beside a mirror of the same colour, weighted by `base_metalness`."""
+    metal = float(np.clip(_number(row, Slot.METALLIC), 0.0, 1.0))
+    row.cannot(losses.FACETS, "lambert(…), phong(…) or mirror(…) are")
+    _report(row, *_BASE, Slot.IOR)
+    if row.value(Slot.EMISSION).max() > 0:
+        row.cannot(losses.EMISSION)
+    words = [f"diffuse {row.numeral(1.0 - metal)}", f"ambient rgb <{row.vector((1.0 - metal) * row.ambient)}>"]
+    if metal > 0.0 and row.bounces > 0:
+        words.append(f"reflection {{ rgb {row.numeral(metal)} metallic 1 }}")
+    return Finish(Slot.DIFFUSE, " ".join(words))

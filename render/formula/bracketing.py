@@ -63,7 +63,7 @@ def sphere_trace(ray, a, b, ends, mask):
     up = ends.near > 0.0
     steep = ops.where(up, -ends.low, ends.high)
     steep = ops.where(steep > 0.0, steep, 0.0)
-    at, f = a, ends.near
+    distance, f = a, ends.near
     least = MIN_STEP * (b - a)
     working = mask & (steep > 0.0) & (steep < MAX_SLOPE)
     for _ in range(MAX_STEPS):
@@ -71,11 +71,11 @@ def sphere_trace(ray, a, b, ends, mask):
         working = working & (step > least)
         if ops.not_(ops.any_lane(working)):
             break
-        at = ops.where(working, at + step, at)
-        passed = working & (at >= b)
+        distance = ops.where(working, distance + step, distance)
+        passed = working & (distance >= b)
         mask, working = mask & ops.not_(passed), working & ops.not_(passed)
-        f = ops.where(working, value_on(ray, ops.minimum(at, b), working), f)
-    return at, mask
+        f = ops.where(working, value_on(ray, ops.minimum(distance, b), working), f)
+    return distance, mask
 
 
 @helper

@@ -22,7 +22,7 @@ from .bracketing import ULP
 from .hit_geometry import normal_and_spacing
 from .intersect import clip_to_bounds
 from .llvm_math import LANES
-from .tables import HIT, HOLE, LINEAR, QUADRIC, TORUS
+from .tables import FIRST_LEAF, FIRST_STEP, HIT, HOLE, LARGEST_COORDINATE, LINEAR, QUADRIC, STEP_COUNT, TORUS
 
 _INTERVALS = 4 * MOST_LEAVES * LANES
 _STACK = 3 * (MOST_DEPTH + 1) * LANES
@@ -50,7 +50,7 @@ def _row(numbers: Any, leaf: int, first: int, v: Vec) -> Lane:
 
 def _first_hit(forms, g, origin, direction, t_min, t_max):
     """(t, spacing, u, v, unproved) of rays' first hits of surface `g`, as intersect.first_hit."""
-    k = np.int64(forms.of[g])
+    k = np.int64(forms.surface_of[g])
     size = ops.length(direction)
     size = ops.where(size > 0.0, size, 1.0)
     unit = ops.scale(direction, 1.0 / size)
@@ -66,9 +66,9 @@ def _first_hit(forms, g, origin, direction, t_min, t_max):
         root, leaf, inside = _first_crossing(forms, k, intervals, ops.where(active, leave - begin, zero), active)
         hit = root < np.inf
         if ops.any_lane(hit):
-            at, gradient, off = _complete_hits(forms, k, leaf, start, unit, ops.where(hit, root, zero))
+            distance, gradient, off = _complete_hits(forms, k, leaf, start, unit, ops.where(hit, root, zero))
             spacing, u, v = normal_and_spacing(forms, k, unit, gradient, inside, off)
-            t = ops.where(hit, (begin + at) / size, t)
+            t = ops.where(hit, (begin + distance) / size, t)
             u, v = ops.where(hit, u, zero), ops.where(hit, v, zero)
     return t, spacing, u, v, ops.int_like(zero, 0)
 
@@ -79,7 +79,7 @@ call_first_hit = first_hit.call
 
 def _dispatch_hit(forms, g, origin, direction, t_min, t_max):
     """`first_hit` in a scene with closed forms and other surfaces."""
-    which = 0 if forms.parts.places[np.int64(forms.of[g]), 1] > 0 else 1
+    which = 0 if forms.parts.places[np.int64(forms.surface_of[g]), STEP_COUNT] > 0 else 1
     return call_first_hit(forms.parts.kernels[which], (forms, g, origin, direction, t_min, t_max))  # pyright: ignore[reportCallIssue]
 
 
@@ -93,7 +93,7 @@ dispatch_hit = DeclaredKernel(_dispatch_hit, HIT)
 def _leaf_intervals(forms: Any, k: int, intervals: Any, start: Vec, direction: Vec) -> None:
     """Store two intervals of the ray in which each leaf's relation holds."""
     numbers, kinds = forms.parts.numbers, forms.parts.kinds
-    steps, begin = forms.parts.places[k, 1], forms.parts.places[k, 2]
+    steps, begin = forms.parts.places[k, STEP_COUNT], forms.parts.places[k, FIRST_LEAF]
     none = ops.full_like(start[0], np.inf)
     for i in range((steps + 1) // 2):
         leaf = begin + i
@@ -123,15 +123,15 @@ def _quadric(numbers: Any, leaf: int, o: Vec, d: Vec, none: Lane) -> tuple[Lane,
     half = 0.5 * (gx * o[0] + gy * o[1] + gz * o[2] + _row(numbers, leaf, 6, d))
     hx, hy, hz = _quadratic_gradient(numbers, leaf, o)
     c = 0.5 * (hx * o[0] + hy * o[1] + hz * o[2]) + _row(numbers, leaf, 6, o) + numbers[leaf, 9]
-    rest = half * half - a * c
-    real = rest > 0.0
-    root = ops.sqrt(ops.where(real, rest, 0.0))
+    discriminant = half * half - a * c
+    real = discriminant > 0.0
+    root = ops.sqrt(ops.where(real, discriminant, 0.0))
     q = -(half + ops.where(half < 0.0, -root, root))
     flat = a == 0.0
-    one = q / ops.where(flat, 1.0, a)
-    one = ops.where(flat, ops.where(half < 0.0, none, -none), one)
-    other = ops.where(q == 0.0, ops.where(flat, none, 0.0), c / ops.where(q == 0.0, 1.0, q))
-    low, high = ops.minimum(one, other), ops.maximum(one, other)
+    first_root = q / ops.where(flat, 1.0, a)
+    first_root = ops.where(flat, ops.where(half < 0.0, none, -none), first_root)
+    second_root = ops.where(q == 0.0, ops.where(flat, none, 0.0), c / ops.where(q == 0.0, 1.0, q))
+    low, high = ops.minimum(first_root, second_root), ops.maximum(first_root, second_root)
     between = (a > 0.0) | flat  # a linear polynomial has one root at infinity
     holds = (a < 0.0) | (flat & (c <= 0.0))  # everywhere, without roots
     return (
@@ -154,26 +154,26 @@ def _quadratic_gradient(numbers: Any, leaf: Any, p: Vec) -> Vec:
 def _first_crossing(forms: Any, k: int, intervals: Any, end: Lane, active: Lane) -> tuple[Lane, Lane, Lane]:
     """(distance at which a ray first enters or leaves the solid, or inf; the leaf hit there; whether it is inside before)."""
     stack = simd.stack_array(np.float64, _STACK)
-    reach = forms.numbers[k, 13]
-    at = 0.0 * end
-    inside, until, leaf = _evaluate_tree(forms, k, intervals, stack, at)
-    found, hit_leaf = at + np.inf, ops.int_like(at, 0)
+    reach = forms.numbers[k, LARGEST_COORDINATE]
+    distance = 0.0 * end
+    inside, until, leaf = _evaluate_tree(forms, k, intervals, stack, distance)
+    crossing, hit_leaf = distance + np.inf, ops.int_like(distance, 0)
     active = active & (until < end)
     while ops.any_lane(active):
-        at = ops.where(active, until, at)
-        now, next_until, next_leaf = _evaluate_tree(forms, k, intervals, stack, at + _SPACE * (at + reach))
+        distance = ops.where(active, until, distance)
+        now, next_until, next_leaf = _evaluate_tree(forms, k, intervals, stack, distance + _SPACE * (distance + reach))
         changed = active & (now != inside)
-        found, hit_leaf = ops.where(changed, at, found), ops.where(changed, leaf, hit_leaf)
+        crossing, hit_leaf = ops.where(changed, distance, crossing), ops.where(changed, leaf, hit_leaf)
         until, leaf = ops.where(active, next_until, until), ops.where(active, next_leaf, leaf)
         active = active & ops.not_(changed) & (until < end)
-    return found, forms.parts.places[k, 2] + hit_leaf, inside > 0.0
+    return crossing, forms.parts.places[k, FIRST_LEAF] + hit_leaf, inside > 0.0
 
 
 @helper
 def _evaluate_tree(forms: Any, k: int, intervals: Any, stack: Any, t: Lane) -> tuple[Lane, Lane, Lane]:
     """(1 inside the solid at t, else 0; distance up to which that cannot change; the leaf with a root there)."""
     steps, kinds = forms.parts.steps, forms.parts.kinds
-    first, count, begin = forms.parts.places[k, 0], forms.parts.places[k, 1], forms.parts.places[k, 2]
+    first, count, begin = forms.parts.places[k, FIRST_STEP], forms.parts.places[k, STEP_COUNT], forms.parts.places[k, FIRST_LEAF]
     top = 0
     for row in range(first, first + count):
         if steps[row, 0] == LEAF:
@@ -193,22 +193,24 @@ def _evaluate_tree(forms: Any, k: int, intervals: Any, stack: Any, t: Lane) -> t
         else:
             top -= 1
             decides = 1.0 if steps[row, 0] == EITHER else 0.0
-            one, other = crosslane.load(stack, 3 * top - 3), crosslane.load(stack, 3 * top)
+            left_state, right_state = crosslane.load(stack, 3 * top - 3), crosslane.load(stack, 3 * top)
             until, beyond = crosslane.load(stack, 3 * top - 2), crosslane.load(stack, 3 * top + 1)
-            by_one, by_other = one == decides, other == decides
+            left_decides, right_decides = left_state == decides, right_state == decides
             earlier = until < beyond
-            first = ops.where(by_one & by_other, ops.not_(earlier), ops.where(by_one, True, ops.where(by_other, False, earlier)))
-            crosslane.store(stack, 3 * top - 3, ops.where(by_one | by_other, decides, 1.0 - decides + 0.0 * t))
+            first = ops.where(
+                left_decides & right_decides, ops.not_(earlier), ops.where(left_decides, True, ops.where(right_decides, False, earlier))
+            )
+            crosslane.store(stack, 3 * top - 3, ops.where(left_decides | right_decides, decides, 1.0 - decides + 0.0 * t))
             crosslane.store(stack, 3 * top - 2, ops.where(first, until, beyond))
             crosslane.store(stack, 3 * top - 1, ops.where(first, crosslane.load(stack, 3 * top - 1), crosslane.load(stack, 3 * top + 2)))
     return crosslane.load(stack, 0), crosslane.load(stack, 1), ops.to_int(crosslane.load(stack, 2))
 
 
 @helper
-def _complete_hits(forms: Any, k: int, leaf: Lane, start: Vec, direction: Vec, at: Lane) -> tuple[Lane, Vec, Lane]:
+def _complete_hits(forms: Any, k: int, leaf: Lane, start: Vec, direction: Vec, root: Lane) -> tuple[Lane, Vec, Lane]:
     """(distance of the hit after a Newton step, gradient of the leaf there, bound of its value)."""
     numbers, kind = forms.parts.numbers, ops.to_int(forms.parts.kinds[leaf])
-    p = ops.along(start, direction, at)
+    p = ops.along(start, direction, root)
     tx, ty, tz = _quadratic_gradient(numbers, leaf, p)
     g = (tx + numbers[leaf, 6], ty + numbers[leaf, 7], tz + numbers[leaf, 8])
     value = 0.5 * ops.dot((tx, ty, tz), p) + _row(numbers, leaf, 6, p) + numbers[leaf, 9]
@@ -216,8 +218,8 @@ def _complete_hits(forms: Any, k: int, leaf: Lane, start: Vec, direction: Vec, a
     along = ops.dot(g, direction)
     step = -value / ops.where(along == 0.0, 1.0, along)
     usual = kind < TORUS
-    certain = usual & (abs(along) > 1e-3 * size) & (abs(step) < 1e-9 * (at + forms.numbers[k, 13]))
-    better = ops.where(certain, ops.maximum(at + step, 0.0), at)
+    certain = usual & (abs(along) > 1e-3 * size) & (abs(step) < 1e-9 * (root + forms.numbers[k, LARGEST_COORDINATE]))
+    better = ops.where(certain, ops.maximum(root + step, 0.0), root)
     reach = ops.maximum(ops.maximum(abs(p[0]), abs(p[1])), abs(p[2]))
     off = 8.0 * ULP * (size * reach + abs(numbers[leaf, 9]))
     if ops.any_lane(ops.not_(usual)):

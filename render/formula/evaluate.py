@@ -13,6 +13,7 @@ from ..types import Lane, Vec
 from .evaluator_calls import interpret, run_compiled
 from .interval_grid import MAX_REGISTERS
 from .llvm_math import BRANCH_WORD, LANES
+from .tables import FIRST_CONSTANT, FIRST_ROW, RESULT, ROW_COUNT, WHOLE_TAPE
 
 SPEEDUP = 6  # compiled code of the whole tape runs as fast as an interpreter of a tape this many times shorter
 _REGISTERS = MAX_REGISTERS * 4 * LANES
@@ -62,17 +63,17 @@ def value_at(forms, k, tape, memory, p, mask):
     crosslane.store(registers, 2, p[2])
     code = forms.compiled[k, 0]
     value = 0.0 * p[0]
-    rest = mask
-    while ops.any_lane(rest):
-        one, here = crosslane.uniform_group(tape, rest)
-        begin = forms.places[k, 3]
-        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= SPEEDUP * forms.tapes[one, 1]:
+    pending = mask
+    while ops.any_lane(pending):
+        shared_tape, group = crosslane.uniform_group(tape, pending)
+        begin = forms.places[k, FIRST_CONSTANT]
+        if code != 0 and forms.tapes[forms.places[k, WHOLE_TAPE], ROW_COUNT] <= SPEEDUP * forms.tapes[shared_tape, ROW_COUNT]:
             run_compiled(code, registers, forms.constants, begin, memory.out)
             return crosslane.load(memory.out, 0)
-        first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
+        first, rows = forms.tapes[shared_tape, FIRST_ROW], forms.tapes[shared_tape, ROW_COUNT]
         interpret(forms.programs[_POINTS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
-        value = ops.where(here, crosslane.load(registers, forms.tapes[one, 2]), value)
-        rest = rest & ops.not_(here)
+        value = ops.where(group, crosslane.load(registers, forms.tapes[shared_tape, RESULT]), value)
+        pending = pending & ops.not_(group)
     return value
 
 
@@ -83,12 +84,12 @@ def gradient_and_value_at(forms, k, tape, memory, p, mask):
     zero = 0.0 * p[0]
     code = forms.compiled[k, 1]
     value, x, y, z = zero, zero, zero, zero
-    rest = mask
-    while ops.any_lane(rest):
-        one, here = crosslane.uniform_group(tape, rest)
+    pending = mask
+    while ops.any_lane(pending):
+        shared_tape, group = crosslane.uniform_group(tape, pending)
         _set_gradient_inputs(registers, p)
-        begin = forms.places[k, 3]
-        if code != 0 and forms.tapes[forms.places[k, 4], 1] <= SPEEDUP * forms.tapes[one, 1]:
+        begin = forms.places[k, FIRST_CONSTANT]
+        if code != 0 and forms.tapes[forms.places[k, WHOLE_TAPE], ROW_COUNT] <= SPEEDUP * forms.tapes[shared_tape, ROW_COUNT]:
             run_compiled(code, registers, forms.constants, begin, memory.out)
             return (
                 crosslane.load(memory.out, 0),
@@ -96,14 +97,14 @@ def gradient_and_value_at(forms, k, tape, memory, p, mask):
                 crosslane.load(memory.out, 2),
                 crosslane.load(memory.out, 3),
             )
-        first, rows = forms.tapes[one, 0], forms.tapes[one, 1]
+        first, rows = forms.tapes[shared_tape, FIRST_ROW], forms.tapes[shared_tape, ROW_COUNT]
         interpret(forms.programs[_GRADIENTS], forms.code, first, rows, registers, forms.constants, begin, memory.state, 1)
-        out = 4 * forms.tapes[one, 2]
-        value = ops.where(here, crosslane.load(registers, out), value)
-        x = ops.where(here, crosslane.load(registers, out + 1), x)
-        y = ops.where(here, crosslane.load(registers, out + 2), y)
-        z = ops.where(here, crosslane.load(registers, out + 3), z)
-        rest = rest & ops.not_(here)
+        out = 4 * forms.tapes[shared_tape, RESULT]
+        value = ops.where(group, crosslane.load(registers, out), value)
+        x = ops.where(group, crosslane.load(registers, out + 1), x)
+        y = ops.where(group, crosslane.load(registers, out + 2), y)
+        z = ops.where(group, crosslane.load(registers, out + 3), z)
+        pending = pending & ops.not_(group)
     return value, x, y, z
 
 
@@ -142,15 +143,15 @@ def bounds_at(forms: Any, k: int, tape: int, memory: EvalBuffers, p: Vec, q: Vec
     interpret(
         forms.programs[_RAYS],
         forms.code,
-        forms.tapes[tape, 0],
-        forms.tapes[tape, 1],
+        forms.tapes[tape, FIRST_ROW],
+        forms.tapes[tape, ROW_COUNT],
         registers,
         forms.constants,
-        forms.places[k, 3],
+        forms.places[k, FIRST_CONSTANT],
         memory.state,
         1,
     )
-    out = 4 * forms.tapes[tape, 2]
+    out = 4 * forms.tapes[tape, RESULT]
     bits = simd.read(memory.state, 0)
     maybe = ((bits >> ops.to_int(crosslane.lane_indices(0))) & 1) != 0
     return Bounds(
@@ -166,10 +167,10 @@ def bounds_at(forms: Any, k: int, tape: int, memory: EvalBuffers, p: Vec, q: Vec
 def error_at(forms, k, tape, memory, p, direction, mask):
     """Bound of the magnitude of the formula at points, rounding included."""
     error = 0.0 * p[0]
-    rest = mask
-    while ops.any_lane(rest):
-        one, here = crosslane.uniform_group(tape, rest)
-        bounds = bounds_at(forms, k, one, memory, p, p, direction)
-        error = ops.where(here, ops.maximum(abs(bounds.low), abs(bounds.high)), error)
-        rest = rest & ops.not_(here)
+    pending = mask
+    while ops.any_lane(pending):
+        shared_tape, group = crosslane.uniform_group(tape, pending)
+        bounds = bounds_at(forms, k, shared_tape, memory, p, p, direction)
+        error = ops.where(group, ops.maximum(abs(bounds.low), abs(bounds.high)), error)
+        pending = pending & ops.not_(group)
     return error

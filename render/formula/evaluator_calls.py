@@ -35,8 +35,8 @@ def interpret(typingctx, address, code, first, rows, registers, constants, begin
     """Run an interpreter (interpreter.py) over `rows` instructions from row `first`; constants begin at element `begin`."""
 
     def places(b: Any, place: Any, args: Any) -> list[Any]:
-        at = b.mul(args[2], ir.Constant(I64, ROW))
-        return [place(1, at), args[3], place(4), place(5, args[6]), place(7), args[8]]
+        row_offset = b.mul(args[2], ir.Constant(I64, ROW))
+        return [place(1, row_offset), args[3], place(4), place(5, args[6]), place(7), args[8]]
 
     i = types.int64
     return signature(types.void, i, code, i, i, registers, constants, i, state, i), _emit_call(INTERPRETER, places)

@@ -19,6 +19,7 @@ from . import root_isolation
 from .bracketing import ULP, Bracket, SegmentBounds, excludes_root, refine_bracket, sphere_trace
 from .evaluate import EvalBuffers, RayFunction, value_on
 from .interval_grid import PENDING, ensure_block
+from .tables import CELLS_ALONG, CELLS_PER_UNIT, FIRST_CELL, IS_SHEET, LARGEST_COORDINATE
 
 _FAR = 1e30
 
@@ -42,7 +43,7 @@ class Cell(NamedTuple):
     x: Lane
     y: Lane
     z: Lane
-    at: Lane
+    entry: Lane
 
 
 class LeafSegment(NamedTuple):
@@ -57,7 +58,7 @@ class LeafSegment(NamedTuple):
 class Roots(NamedTuple):
     """First roots of rays so far."""
 
-    at: Lane  # distance; inf without a root
+    distance: Lane  # inf without a root
     tape: Lane
     inside: Lane  # mask: the ray is inside before the root
     unproved: Lane  # 1 where a segment before it is not proved to be free of roots
@@ -74,40 +75,39 @@ def first_roots(
     """
     rays = _grid_rays(forms, k, memory, start, direction, end, begin)
     zero, never = ops.full_like(end, 0.0), active & ops.not_(active)
-    last = forms.places[k, 0] - 1
+    last = forms.places[k, CELLS_ALONG] - 1
     cell = Cell(_cell_index(rays.cells[0], 0, last), _cell_index(rays.cells[1], 0, last), _cell_index(rays.cells[2], 0, last), zero)
-    value, known = zero, never  # the value at the entry of the cell, and the lanes in which it is known
+    value, has_value = zero, never  # the value at the entry of the cell, and the lanes in which it is known
     roots = Roots(zero + np.inf, ops.int_like(zero, 0), never, zero, zero)
     while ops.any_lane(active):
-        cell, segment, here, known, active = _advance_to_leaf(forms, rays, cell, known, active)
-        if ops.any_lane(here):
-            value, roots, active = _intersect_leaf(forms, rays, segment, value, known, here, roots, active)
-            cell, known = _select_cell(here, segment.after, cell), known | here
-            active = active & ops.not_(here & _has_left(segment.after, last, end))
+        cell, segment, at_leaf, has_value, active = _advance_to_leaf(forms, rays, cell, has_value, active)
+        if ops.any_lane(at_leaf):
+            value, roots, active = _intersect_leaf(forms, rays, segment, value, has_value, at_leaf, roots, active)
+            cell, has_value = _select_cell(at_leaf, segment.after, cell), has_value | at_leaf
+            active = active & ops.not_(at_leaf & _has_left(segment.after, last, end))
     doubts = crosslane.count(roots.unproved > 0.0)
     if doubts > 0:
         count_up(forms.unproved, 0, doubts)
-    return roots.at, roots.tape, roots.inside, roots.unproved
+    return roots.distance, roots.tape, roots.inside, roots.unproved
 
 
 @helper
 def _grid_rays(forms: Any, k: int, memory: EvalBuffers, start: Vec, direction: Vec, end: Lane, begin: Lane) -> GridRays:
     numbers = forms.numbers
-    cells = (
-        (start[0] - numbers[k, 0]) * numbers[k, 6], (start[1] - numbers[k, 1]) * numbers[k, 7], (start[2] - numbers[k, 2]) * numbers[k, 8]
-    )  # fmt: skip
-    cell_direction = (direction[0] * numbers[k, 6], direction[1] * numbers[k, 7], direction[2] * numbers[k, 8])
+    density = (numbers[k, CELLS_PER_UNIT], numbers[k, CELLS_PER_UNIT + 1], numbers[k, CELLS_PER_UNIT + 2])
+    cells = ((start[0] - numbers[k, 0]) * density[0], (start[1] - numbers[k, 1]) * density[1], (start[2] - numbers[k, 2]) * density[2])
+    cell_direction = (direction[0] * density[0], direction[1] * density[1], direction[2] * density[2])
     return GridRays(k, memory, start, direction, end, begin, cells, cell_direction)
 
 
 @helper
 def _advance_to_leaf(
-    forms: Any, rays: GridRays, cell: Cell, known: Lane, active: Lane
+    forms: Any, rays: GridRays, cell: Cell, has_value: Lane, active: Lane
 ) -> tuple[Cell, LeafSegment, Lane, Lane, Lane]:  # fmt: skip
     """Move each lane to its next leaf: (cells, segments, lanes at a leaf, lanes whose value is still known, active lanes)."""
-    count, grid = forms.places[rays.k, 0], forms.places[rays.k, 2]
+    count, grid = forms.places[rays.k, CELLS_ALONG], forms.places[rays.k, FIRST_CELL]
     zero = ops.full_like(rays.end, 0.0)
-    looking, here = active, active & ops.not_(active)
+    looking, at_leaf = active, active & ops.not_(active)
     segment = LeafSegment(ops.int_like(zero, 0), zero, zero, Cell(cell.x, cell.y, cell.z, zero))
     while ops.any_lane(looking):
         mark = ops.to_int(forms.grid[ops.where(looking, grid + (cell.x * count + cell.y) * count + cell.z, 0)])
@@ -118,66 +118,66 @@ def _advance_to_leaf(
         after = _next_cell(rays.cells, rays.cell_direction, cell, extent)
         arrived, passing = looking & full, looking & ops.not_(full)
         segment = LeafSegment(
-            ops.where(arrived, mark, segment.leaf), ops.where(arrived, cell.at, segment.a),
-            ops.where(arrived, ops.minimum(after.at, rays.end), segment.b), _select_cell(arrived, after, segment.after),
+            ops.where(arrived, mark, segment.leaf), ops.where(arrived, cell.entry, segment.a),
+            ops.where(arrived, ops.minimum(after.entry, rays.end), segment.b), _select_cell(arrived, after, segment.after),
         )  # fmt: skip
-        here = here | arrived
-        cell, known = _select_cell(passing, after, cell), known & ops.not_(passing)
-        gone = passing & _has_left(after, count - 1, rays.end)
-        active, looking = active & ops.not_(gone), passing & ops.not_(gone)
-    return cell, segment, here & active, known, active
+        at_leaf = at_leaf | arrived
+        cell, has_value = _select_cell(passing, after, cell), has_value & ops.not_(passing)
+        finished = passing & _has_left(after, count - 1, rays.end)
+        active, looking = active & ops.not_(finished), passing & ops.not_(finished)
+    return cell, segment, at_leaf & active, has_value, active
 
 
 @helper
 def _subdivide_pending(forms: Any, k: int, mark: Lane, looking: Lane) -> bool:
     """Subdivide the pending blocks that lanes have reached; return whether there were any."""
-    left = crosslane.bits(looking & (mark <= PENDING))
-    some = left != 0
-    while left != 0:
-        ensure_block(forms, k, PENDING - crosslane.lane(mark, simd.trailing_zeros(left)))
-        left &= left - 1
+    pending = crosslane.bits(looking & (mark <= PENDING))
+    some = pending != 0
+    while pending != 0:
+        ensure_block(forms, k, PENDING - crosslane.lane(mark, simd.trailing_zeros(pending)))
+        pending &= pending - 1
     return some
 
 
 @helper
 def _select_cell(mask: Lane, yes: Cell, no: Cell) -> Cell:
     return Cell(
-        ops.where(mask, yes.x, no.x), ops.where(mask, yes.y, no.y), ops.where(mask, yes.z, no.z), ops.where(mask, yes.at, no.at)
+        ops.where(mask, yes.x, no.x), ops.where(mask, yes.y, no.y), ops.where(mask, yes.z, no.z), ops.where(mask, yes.entry, no.entry)
     )  # fmt: skip
 
 
 @helper
 def _intersect_leaf(
-    forms: Any, rays: GridRays, segment: LeafSegment, value: Lane, known: Lane, here: Lane, roots: Roots, active: Lane
+    forms: Any, rays: GridRays, segment: LeafSegment, value: Lane, has_value: Lane, at_leaf: Lane, roots: Roots, active: Lane
 ) -> tuple[Lane, Roots, Lane]:
-    """Find the first roots in leaf segments, in the lanes `here`: (values at the far ends, roots, active lanes)."""
+    """Find the first roots in leaf segments, in the lanes `at_leaf`: (values at the far ends, roots, active lanes)."""
     a, b = segment.a, segment.b
     tape = ops.to_int(forms.leaf_tape[segment.leaf])
     ray = RayFunction(forms, rays.k, tape, rays.memory, rays.start, rays.direction)
-    if ops.any_lane(here & ops.not_(known)):
-        value = ops.where(known, value, value_on(ray, a, here))
-    far = value_on(ray, b, here)
+    if ops.any_lane(at_leaf & ops.not_(has_value)):
+        value = ops.where(has_value, value, value_on(ray, a, at_leaf))
+    far = value_on(ray, b, at_leaf)
     low, high = _slope_bounds(forms, segment.leaf, rays.direction)
     monotonic = (low > 0.0) | (high < 0.0)
     in_a, in_b = value <= 0.0, far <= 0.0
     change = (in_a & ops.not_(in_b)) | (in_b & ops.not_(in_a))
     ends = SegmentBounds(value, far, low, high)
     none = ops.not_(change) & (monotonic | excludes_root(ends, b - a))
-    certain = here & change & monotonic
-    undecided = here & ops.not_(none) & ops.not_(certain)
+    certain = at_leaf & change & monotonic
+    undecided = at_leaf & ops.not_(none) & ops.not_(certain)
     if ops.any_lane(certain):
-        root = refine_bracket(ray, Bracket(a, b, value, far), rays.begin, forms.numbers[rays.k, 13], certain)
+        root = refine_bracket(ray, Bracket(a, b, value, far), rays.begin, forms.numbers[rays.k, LARGEST_COORDINATE], certain)
         roots, active = _with_roots(roots, certain, root, tape, in_a), active & ops.not_(certain)
     if ops.any_lane(undecided):
         roots, active = _search_segments(ray, rays.begin, segment, ends, undecided, roots, active)
-    return ops.where(here, far, value), roots, active
+    return ops.where(at_leaf, far, value), roots, active
 
 
 @helper
-def _with_roots(roots: Roots, mask: Lane, at: Lane, tape: Lane, inside: Lane) -> Roots:
+def _with_roots(roots: Roots, mask: Lane, distance: Lane, tape: Lane, inside: Lane) -> Roots:
     """Replace the roots in the lanes of a mask."""
     return Roots(
-        ops.where(mask, at, roots.at), ops.where(mask, tape, roots.tape), (roots.inside & ops.not_(mask)) | (mask & inside),
+        ops.where(mask, distance, roots.distance), ops.where(mask, tape, roots.tape), (roots.inside & ops.not_(mask)) | (mask & inside),
         roots.unproved, roots.rounds,
     )  # fmt: skip
 
@@ -188,22 +188,22 @@ def _search_segments(
 ) -> tuple[Roots, Lane]:
     """Isolate the first root in each segment of a mask, lane by lane: (roots, active lanes)."""
     forms, k, b = ray.forms, ray.k, segment.b
-    sheet, zero = forms.places[k, 1] != 0, ops.full_like(segment.a, 0.0)
+    sheet, zero = forms.places[k, IS_SHEET] != 0, ops.full_like(segment.a, 0.0)
     begins, undecided = sphere_trace(ray, segment.a, b, ends, mask)
-    left = crosslane.bits(undecided)
-    while left != 0:
-        j = simd.trailing_zeros(left)
-        left &= left - 1
+    remaining = crosslane.bits(undecided)
+    while remaining != 0:
+        j = simd.trailing_zeros(remaining)
+        remaining &= remaining - 1
         rounds = max(root_isolation.MAX_ROUNDS - int(crosslane.lane(roots.rounds, j)), root_isolation.MIN_ROUNDS)
-        one = RayFunction(
+        lane_ray = RayFunction(
             forms, k, crosslane.lane(ray.tape, j), ray.memory, crosslane.lane3(ray.start, j), crosslane.lane3(ray.direction, j)
         )  # fmt: skip
         root, within, doubt, used = root_isolation.isolate_first_root(
-            one, crosslane.lane(begins, j), crosslane.lane(b, j), 0.0, crosslane.lane(begin, j), sheet, zero, rounds
+            lane_ray, crosslane.lane(begins, j), crosslane.lane(b, j), 0.0, crosslane.lane(begin, j), sheet, zero, rounds
         )  # fmt: skip
         mine = ops.to_int(crosslane.lane_indices(0)) == j
         unproved = ops.where(mine & (doubt > 0), 1.0, roots.unproved)
-        roots = Roots(roots.at, roots.tape, roots.inside, unproved, ops.where(mine, roots.rounds + used, roots.rounds))
+        roots = Roots(roots.distance, roots.tape, roots.inside, unproved, ops.where(mine, roots.rounds + used, roots.rounds))
         if root < np.inf:
             roots, active = _with_roots(roots, mine, ops.full_like(zero, root), ray.tape, within & mine), active & ops.not_(mine)
     return roots, active
@@ -218,7 +218,7 @@ def _cell_index(q: Lane, low: Lane, high: Lane) -> Lane:
 def _has_left(cell: Cell, last: int, end: Lane) -> Lane:
     """Whether a ray has left the grid or reached its end."""
     x, y, z = cell.x, cell.y, cell.z
-    return (x < 0) | (y < 0) | (z < 0) | (x > last) | (y > last) | (z > last) | (cell.at >= end)
+    return (x < 0) | (y < 0) | (z < 0) | (x > last) | (y > last) | (z > last) | (cell.entry >= end)
 
 
 @helper
@@ -234,7 +234,7 @@ def _next_cell(q: Vec, d: Vec, cell: Cell, extent: Lane) -> Cell:
     reach = ops.where(out < _FAR, out, 0.0)
     return Cell(
         _next_index(by_x, q[0] + reach * d[0], d[0], bx, top), _next_index(by_y, q[1] + reach * d[1], d[1], by, top),
-        _next_index(by_z, q[2] + reach * d[2], d[2], bz, top), ops.maximum(out, cell.at),
+        _next_index(by_z, q[2] + reach * d[2], d[2], bz, top), ops.maximum(out, cell.entry),
     )  # fmt: skip
 
 

@@ -73,13 +73,13 @@ def _scale(b: Any, numbers: list[Any], arguments: Any) -> None:
     registers, constants, state, vectors = arguments[2:]
     size = SINGLE.bytes
     stride, width = b.mul(vectors, ir.Constant(I64, size)), ir.Constant(I64, WIDTHS["spans32"])
-    there, out = (b.gep(registers, [b.mul(b.mul(name, stride), width)]) for name in (numbers[2], numbers[1]))
+    source, out = (b.gep(registers, [b.mul(b.mul(name, stride), width)]) for name in (numbers[2], numbers[1]))
     number = b.gep(constants, [b.mul(b.not_(numbers[3]), ir.Constant(I64, PARTS * size))])
     nearest, largest = (load(b, number, part * size, SINGLE) for part in (NEAREST, LARGEST_PART))
 
     def vector(k: Any) -> None:
         places = [b.add(b.mul(k, ir.Constant(I64, size)), b.mul(stride, ir.Constant(I64, part))) for part in range(WIDTHS["spans32"])]
-        product = emit_scaled(VectorMath(b, state, SINGLE, k), [load(b, there, place, SINGLE) for place in places], nearest, largest)
+        product = emit_scaled(VectorMath(b, state, SINGLE, k), [load(b, source, place, SINGLE) for place in places], nearest, largest)
         for place, value in zip(places, product, strict=True):
             store(b, out, place, value)
 
@@ -90,8 +90,10 @@ def _operand(b: Any, program: str, name: Any, registers: Any, constants: Any, st
     """Loader of an operand, a register or a constant: maps an offset in bytes into its parts to the parts' vectors."""
     form, width = form_of(program), WIDTHS[program]
     constant = b.icmp_signed("<", name, ir.Constant(I64, 0))
-    there = b.add(b.mul(b.not_(name), ir.Constant(I64, PARTS * form.bytes)), ir.Constant(I64, SHIFTS.get(program, 0) * form.bytes))
-    base = b.gep(b.select(constant, constants, registers), [b.select(constant, there, b.mul(b.mul(name, stride), ir.Constant(I64, width)))])
+    shift = ir.Constant(I64, SHIFTS.get(program, 0) * form.bytes)
+    constant_offset = b.add(b.mul(b.not_(name), ir.Constant(I64, PARTS * form.bytes)), shift)
+    register_offset = b.mul(b.mul(name, stride), ir.Constant(I64, width))
+    base = b.gep(b.select(constant, constants, registers), [b.select(constant, constant_offset, register_offset)])
     step, mask = b.select(constant, ir.Constant(I64, form.bytes), stride), b.select(constant, ir.Constant(I64, 0), ir.Constant(I64, -1))
 
     def parts(offset: Any) -> list[Any]:
@@ -105,17 +107,17 @@ def _point_module() -> ir.Module:
 
     Its arguments are (code, rows, constants, registers): rows of four int32 (op, a, b, c), a register for each of x, y, z and each row.
     """
-    made = ir.Module(f"maquette.{POINT}")
+    module = ir.Module(f"maquette.{POINT}")
 
     def row(b: Any, op: Op, numbers: list[Any], arguments: Any) -> None:
         constants, registers = arguments[2:]
-        given = [[_point_operand(b, name, constants, registers)] for name in numbers[1 : 1 + arity(op)]]
-        (value,) = EMITTERS["points"](VectorMath(b), op, given, ir.Constant(I64, 0))
+        operands = [[_point_operand(b, name, constants, registers)] for name in numbers[1 : 1 + arity(op)]]
+        (value,) = EMITTERS["points"](VectorMath(b), op, operands, ir.Constant(I64, 0))
         out = b.add(numbers[0], ir.Constant(I64, INPUTS))
         store(b, registers, b.mul(out, ir.Constant(I64, BYTES)), value)
 
-    over_rows(made, f"tape_{POINT}", DIRECT, 4, row)
-    return made
+    over_rows(module, f"tape_{POINT}", DIRECT, 4, row)
+    return module
 
 
 def _point_operand(b: Any, name: Any, constants: Any, registers: Any) -> Value:

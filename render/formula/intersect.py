@@ -13,7 +13,7 @@ from ..types import Lane, Vec
 from .evaluate import RayFunction, eval_buffers
 from .grid_traversal import first_roots
 from .hit_geometry import complete_hits
-from .tables import HIT
+from .tables import BALL_CENTER, BALL_RADIUS, HIGH, HIT
 
 SMALLEST = 1e-290  # products of a unit vector's components below this lose digits
 
@@ -24,7 +24,7 @@ def _first_hit(forms, g, origin, direction, t_min, t_max):
     u and v hold the normal, as `hit_geometry.encode_normal` writes it. The point may be off the surface by `spacing` ulps of its largest
     coordinate.
     """
-    k = np.int64(forms.of[g])
+    k = np.int64(forms.surface_of[g])
     size = ops.length(direction)
     size = ops.where(size > 0.0, size, 1.0)
     unit = ops.scale(direction, 1.0 / size)
@@ -40,9 +40,9 @@ def _first_hit(forms, g, origin, direction, t_min, t_max):
     hit = root < np.inf
     spacing, u, v, t = ops.int_like(zero, 0), zero, zero, zero + np.inf
     if ops.any_lane(hit):
-        at = ops.where(hit, root, zero)
+        hit_root = ops.where(hit, root, zero)
         ray = RayFunction(forms, k, tape, memory, start, unit)
-        distance, spacing, u, v = complete_hits(ray, origin, begin, at, inside, hit)
+        distance, spacing, u, v = complete_hits(ray, origin, begin, hit_root, inside, hit)
         t = ops.where(hit, distance / size, t)
         u, v = ops.where(hit, u, zero), ops.where(hit, v, zero)
     return t, spacing, u, v, ops.to_int(unproved)
@@ -58,21 +58,23 @@ def clip_to_bounds(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) ->
     numbers, inverses = forms.numbers, _inverse_direction(d)
     for axis in range(3):
         x, dx, inverse = (o[0], d[0], inverses[0]) if axis == 0 else (o[1], d[1], inverses[1]) if axis == 1 else (o[2], d[2], inverses[2])
-        near, far = numbers[k, axis] - x, numbers[k, 3 + axis] - x
+        near, far = numbers[k, axis] - x, numbers[k, HIGH + axis] - x
         parallel = dx == 0.0
         first, second = near * inverse, far * inverse
         within = (near <= 0.0) & (far >= 0.0)
         first = ops.where(parallel, ops.where(within, -np.inf, np.inf), first)
         second = ops.where(parallel, ops.where(within, np.inf, -np.inf), second)
         low, high = ops.maximum(low, ops.minimum(first, second)), ops.minimum(high, ops.maximum(first, second))
-    radius = numbers[k, 12]
+    radius = numbers[k, BALL_RADIUS]
     if radius > 0.0:
-        f = ops.sub((0.0 * o[0] + numbers[k, 9], 0.0 * o[1] + numbers[k, 10], 0.0 * o[2] + numbers[k, 11]), o)
+        f = ops.sub(
+            (0.0 * o[0] + numbers[k, BALL_CENTER], 0.0 * o[1] + numbers[k, BALL_CENTER + 1], 0.0 * o[2] + numbers[k, BALL_CENTER + 2]), o
+        )
         along = ops.dot(f, d)
         off = ops.sub(f, ops.scale(d, along))
-        rest = radius * radius - ops.dot(off, off)
-        half = ops.sqrt(ops.maximum(rest, 0.0))
-        low = ops.where(rest > 0.0, ops.maximum(low, along - half), np.inf)
+        discriminant = radius * radius - ops.dot(off, off)
+        half = ops.sqrt(ops.maximum(discriminant, 0.0))
+        low = ops.where(discriminant > 0.0, ops.maximum(low, along - half), np.inf)
         high = ops.minimum(high, along + half)
     return low, high
 
@@ -81,10 +83,10 @@ def clip_to_bounds(forms: Any, k: int, o: Vec, d: Vec, low: Lane, high: Lane) ->
 def _inverse_direction(d: Vec) -> Vec:
     """1 / d of unit vectors by components, undefined where a component is 0; by one division, the most expensive operation here."""
     x, y, z = ops.where(d[0] == 0.0, 1.0, d[0]), ops.where(d[1] == 0.0, 1.0, d[1]), ops.where(d[2] == 0.0, 1.0, d[2])
-    whole = x * y * z
-    inverse = 1.0 / whole
+    product = x * y * z
+    inverse = 1.0 / product
     first, second, third = y * z * inverse, x * z * inverse, x * y * inverse
-    small = abs(whole) < SMALLEST
+    small = abs(product) < SMALLEST
     if ops.any_lane(small):
         first, second, third = ops.where3(small, (1.0 / x, 1.0 / y, 1.0 / z), (first, second, third))
     return first, second, third

@@ -23,7 +23,20 @@ from ..simd.atomics import fetch_add, store_release, try_claim
 from .evaluator_calls import interpret
 from .llvm_math import LANES, ROW
 from .op_codegen import SCALE
-from .tables import END_BLOCKS, END_LEAVES, END_ROWS, END_TAPES
+from .tables import (
+    CELLS_ALONG,
+    END_BLOCKS,
+    END_LEAVES,
+    END_ROWS,
+    END_TAPES,
+    FIRST_CELL,
+    FIRST_CONSTANT,
+    FIRST_ROW,
+    HIGH,
+    LARGEST_COORDINATE,
+    RESULT,
+    ROW_COUNT,
+)
 
 MAX_REGISTERS = MOST_LIVE
 SPLIT = 4
@@ -82,21 +95,21 @@ def _subdivide(forms, k, number):
     x, y, z, size, tape = (
         forms.blocks[number, 0], forms.blocks[number, 1], forms.blocks[number, 2], forms.blocks[number, 3], forms.blocks[number, 4]
     )  # fmt: skip
-    rows = forms.tapes[tape, 1]
+    rows = forms.tapes[tape, ROW_COUNT]
     names, code = np.empty(((CHILDREN + 1) * (rows + 1), 4), np.int32), np.empty(((CHILDREN + 1) * (rows + 1), ROW), np.int32)
     tapes, ends, scratch = np.zeros((CHILDREN + 1, 4), np.int64), np.zeros(2, np.int64), np.empty(3 * rows + 8, np.int64)
     choices = _copy_tape(forms, tape, names, code)
-    tapes[0, 1], tapes[0, 2] = rows, forms.tapes[tape, 2]
+    tapes[0, ROW_COUNT], tapes[0, RESULT] = rows, forms.tapes[tape, RESULT]
     ends[0], ends[1] = 1, rows
     block = _Block(
         (x, y, z), size // SPLIT, tape, TapeStore(names, code, tapes, ends), scratch, np.zeros(1 + 2 * (choices + 1), np.int64),
         np.empty(_REGISTERS), np.empty((CHILDREN, 2), np.int64),
     )  # fmt: skip
     count = _find_parts(forms, k, block)
-    made, stored = _append_tapes(forms, tape, rows, block.store)
+    first_tape, stored = _append_tapes(forms, tape, rows, block.store)
     for i in range(count):  # from here on, tape numbers are those of the grid
         local = block.parts[i, 1]
-        block.parts[i, 1] = made + local - 1 if local > 0 and stored else tape
+        block.parts[i, 1] = first_tape + local - 1 if local > 0 and stored else tape
     if block.size > 1:
         _append_blocks(forms, k, block, count)
     else:
@@ -149,8 +162,8 @@ def _append_leaves(forms, k, block, count):
             sure = (block.state[0] >> lane) & 1 == 0 and finite  # ∞ − ∞ has no slope
             for j in range(3):
                 least, most = block.registers[out + (2 + 2 * j) * LANES + lane], block.registers[out + (3 + 2 * j) * LANES + lane]
-                known = sure and abs(least) < LARGEST and abs(most) < LARGEST
-                forms.leaf_slopes[leaf, 2 * j], forms.leaf_slopes[leaf, 2 * j + 1] = (least, most) if known else (-BIG, BIG)
+                is_bounded = sure and abs(least) < LARGEST and abs(most) < LARGEST
+                forms.leaf_slopes[leaf, 2 * j], forms.leaf_slopes[leaf, 2 * j + 1] = (least, most) if is_bounded else (-BIG, BIG)
     fetch_add(forms.ends, END_LEAVES, 0)  # publishes the leaves before the grid refers to them
     for i in range(count):
         _mark(forms, k, block, block.parts[i, 0], first_leaf + i)
@@ -159,18 +172,18 @@ def _append_leaves(forms, k, block, count):
 @helper
 def _bound_parts(forms: Any, k: int, block: _Block, first: int, few: int, listed: bool, width: int, program: int) -> int:
     """Run a program over parts from `first` on, of all parts or of the listed ones; return the register of its results."""
-    _set_boxes(block.registers, forms.numbers, k, forms.places[k, 0], block, first, few, listed, width)
+    _set_boxes(block.registers, forms.numbers, k, forms.places[k, CELLS_ALONG], block, first, few, listed, width)
     block.state[0] = 0
-    rows, code = block.store.tapes[0, 1], block.store.code
-    interpret(forms.programs[program], code, 0, rows, block.registers, forms.constants, forms.places[k, 3], block.state, 1)
-    return block.store.tapes[0, 2] * width * LANES
+    rows, code = block.store.tapes[0, ROW_COUNT], block.store.code
+    interpret(forms.programs[program], code, 0, rows, block.registers, forms.constants, forms.places[k, FIRST_CONSTANT], block.state, 1)
+    return block.store.tapes[0, RESULT] * width * LANES
 
 
 @helper
 def _copy_tape(forms: Any, tape: int, names: Any, code: Any) -> Any:
     """Copy a tape's rows to the beginning of other storage; return the number of its choices."""
-    first, choices = forms.tapes[tape, 0], 0
-    for i in range(forms.tapes[tape, 1]):
+    first, choices = forms.tapes[tape, FIRST_ROW], 0
+    for i in range(forms.tapes[tape, ROW_COUNT]):
         for c in range(4):
             names[i, c] = forms.names[first + i, c]
         for c in range(ROW):
@@ -180,21 +193,24 @@ def _copy_tape(forms: Any, tape: int, names: Any, code: Any) -> Any:
 
 
 @helper
-def _append_tapes(forms: Any, whole: int, rows: int, store: TapeStore) -> tuple[int, bool]:
+def _append_tapes(forms: Any, parent: int, rows: int, store: TapeStore) -> tuple[int, bool]:
     """Append the new tapes of a block to the surfaces' tapes: (number of the first one, False if memory is full)."""
-    many, length = store.ends[0] - 1, store.ends[1] - rows
-    made, begin = fetch_add(forms.ends, END_TAPES, many), fetch_add(forms.ends, END_ROWS, length)
-    if made + many > len(forms.tapes) or begin + length > len(forms.names):
-        return whole, False
+    count, length = store.ends[0] - 1, store.ends[1] - rows
+    first_tape, begin = fetch_add(forms.ends, END_TAPES, count), fetch_add(forms.ends, END_ROWS, length)
+    if first_tape + count > len(forms.tapes) or begin + length > len(forms.names):
+        return parent, False
     for i in range(length):
         for c in range(4):
             forms.names[begin + i, c] = store.names[rows + i, c]
         for c in range(ROW):
             forms.code[begin + i, c] = store.code[rows + i, c]
-    for i in range(many):
-        forms.tapes[made + i, 0] = store.tapes[1 + i, 0] - rows + begin
-        forms.tapes[made + i, 1], forms.tapes[made + i, 2] = store.tapes[1 + i, 1], store.tapes[1 + i, 2]
-    return made, True
+    for i in range(count):
+        forms.tapes[first_tape + i, FIRST_ROW] = store.tapes[1 + i, FIRST_ROW] - rows + begin
+        forms.tapes[first_tape + i, ROW_COUNT], forms.tapes[first_tape + i, RESULT] = (
+            store.tapes[1 + i, ROW_COUNT],
+            store.tapes[1 + i, RESULT],
+        )
+    return first_tape, True
 
 
 @helper
@@ -210,7 +226,7 @@ def _empty_mark(size: int) -> int:
 @helper
 def _mark(forms: Any, k: int, block: _Block, child: int, mark: int) -> None:
     """Write a mark to the grid cells of a part."""
-    count, begin, (x, y, z), size = forms.places[k, 0], forms.places[k, 2], block.corner, block.size
+    count, begin, (x, y, z), size = forms.places[k, CELLS_ALONG], forms.places[k, FIRST_CELL], block.corner, block.size
     x += size * (child // (SPLIT * SPLIT))
     y += size * (child // SPLIT % SPLIT)
     z += size * (child % SPLIT)
@@ -230,13 +246,13 @@ def _set_boxes(registers: Any, numbers: Any, k: int, count: int, block: _Block, 
             child = block.parts[child, 0]
         corner = (x + size * (child // (SPLIT * SPLIT)), y + size * (child // SPLIT % SPLIT), z + size * (child % SPLIT))
         for axis in range(3):
-            at = axis * width * LANES + lane
-            low, cell = numbers[k, axis], (numbers[k, 3 + axis] - numbers[k, axis]) / count
-            slack = SLACK * cell + OVERRUN * numbers[k, 13]
-            registers[at] = low + corner[axis] * cell - slack
-            registers[at + LANES] = low + (corner[axis] + size) * cell + slack
+            element = axis * width * LANES + lane
+            low, cell = numbers[k, axis], (numbers[k, HIGH + axis] - numbers[k, axis]) / count
+            slack = SLACK * cell + OVERRUN * numbers[k, LARGEST_COORDINATE]
+            registers[element] = low + corner[axis] * cell - slack
+            registers[element + LANES] = low + (corner[axis] + size) * cell + slack
             for j in range(2, width):
-                registers[at + j * LANES] = 1.0 if (j - 2) // 2 == axis else 0.0
+                registers[element + j * LANES] = 1.0 if (j - 2) // 2 == axis else 0.0
 
 
 # --- tape simplification ------------------------------------------------------------------------------------------------
@@ -246,14 +262,14 @@ def _set_boxes(registers: Any, numbers: Any, k: int, count: int, block: _Block, 
 def simplify(store, tape, state, lane, scratch):
     """Append the tape that lane `lane` of the last evaluation needs; return its number, or −1 or −2 if rows or registers run out."""
     names, code, tapes, ends = store
-    n = tapes[tape, 1]
+    n = tapes[tape, ROW_COUNT]
     visited, dropped = _mark_needed(store, tape, state, lane, scratch)
     if dropped == 0:
         return tape
     number, begin = ends[0], ends[1]
     if begin + visited + 1 > len(names) or number >= len(tapes):
         return -1
-    count = _copy_needed(names, tapes[tape, 0], n, begin, visited, scratch)
+    count = _copy_needed(names, tapes[tape, FIRST_ROW], n, begin, visited, scratch)
     result = scratch[n + n - 1]
     if result < INPUTS:
         names[begin, 0], names[begin, 1], names[begin, 2], names[begin, 3] = COPY, result, 0, 0
@@ -277,7 +293,7 @@ def _mark_needed(store: TapeStore, tape: int, state: Any, lane: int, scratch: An
     begins at scratch[2 n].
     """
     names = store.names
-    first, n = store.tapes[tape, 0], store.tapes[tape, 1]
+    first, n = store.tapes[tape, FIRST_ROW], store.tapes[tape, ROW_COUNT]
     for i in range(n):
         scratch[i] = 0
     scratch[n - 1] = 1
@@ -291,9 +307,9 @@ def _mark_needed(store: TapeStore, tape: int, state: Any, lane: int, scratch: An
         column = 0
         if CHOICE[op] == 1:
             choice = store.code[first + i, 5]
-            one, two = (state[1 + 2 * choice] >> lane) & 1, (state[2 + 2 * choice] >> lane) & 1
-            if one == 1 or two == 1:
-                column = (1 if one == 1 else 2) + (1 if op == CHOOSE else 0)
+            takes_first, takes_second = (state[1 + 2 * choice] >> lane) & 1, (state[2 + 2 * choice] >> lane) & 1
+            if takes_first == 1 or takes_second == 1:
+                column = (1 if takes_first == 1 else 2) + (1 if op == CHOOSE else 0)
         if column > 0:
             name = np.int64(names[first + i, column])
             scratch[i], scratch[n + i] = 2, name
@@ -353,7 +369,7 @@ def _find_equal(names: Any, tapes: Any, number: int, begin: int, count: int) -> 
 @allocating_helper
 def allocate_registers(names, code, tapes, tape):
     """Assign a register to each value of a tape and write its rows for interpreters. Returns 0, or 2 if registers code out."""
-    first, n = tapes[tape, 0], tapes[tape, 1]
+    first, n = tapes[tape, FIRST_ROW], tapes[tape, ROW_COUNT]
     last, register = np.full(n, n, np.int64), np.empty(n, np.int64)
     for i in range(n):
         for k in range(_ARITY[names[first + i, 0]]):
@@ -369,9 +385,9 @@ def allocate_registers(names, code, tapes, tape):
         for k in range(_ARITY[op]):
             name = names[first + i, 1 + k]
             code[first + i, 2 + k] = register[name - INPUTS] if name >= INPUTS else name
-        one, other = code[first + i, 2], code[first + i, 3]
-        if op == MULTIPLY and (one < 0) != (other < 0):
-            code[first + i, 0], code[first + i, 2], code[first + i, 3] = SCALE, max(one, other), min(one, other)
+        operand_a, operand_b = code[first + i, 2], code[first + i, 3]
+        if op == MULTIPLY and (operand_a < 0) != (operand_b < 0):
+            code[first + i, 0], code[first + i, 2], code[first + i, 3] = SCALE, max(operand_a, operand_b), min(operand_a, operand_b)
         for k in range(_ARITY[op]):
             name = names[first + i, 1 + k]
             if name >= INPUTS and last[name - INPUTS] == i:
@@ -389,7 +405,7 @@ def allocate_registers(names, code, tapes, tape):
         code[first + i, 1] = register[i]
         code[first + i, 5] = choice
         choice += CHOICE[op]
-    tapes[tape, 2] = register[n - 1]
+    tapes[tape, RESULT] = register[n - 1]
     _mark_extremes(names, code, first, n, last)
     return 0
 

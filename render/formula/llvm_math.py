@@ -118,19 +118,19 @@ class VectorMath:
     def _state_word(self, place: Any) -> Any:
         """Address of a word of the state, or of this vector's part of it."""
         b = self.builder
-        at = b.gep(b.bitcast(self.state, I64.as_pointer()), [ir.Constant(I64, place) if isinstance(place, int) else place])
+        address = b.gep(b.bitcast(self.state, I64.as_pointer()), [ir.Constant(I64, place) if isinstance(place, int) else place])
         if self.number is None:
-            return at
-        return b.gep(b.bitcast(at, ir.IntType(self.form.lanes).as_pointer()), [self.number])
+            return address
+        return b.gep(b.bitcast(address, ir.IntType(self.form.lanes).as_pointer()), [self.number])
 
     def fork(self, mask: Value) -> Value:
         """Take the next binary digit of the branch numbers, as NumpyMath.fork."""
-        rest = load(self.builder, self.state, 8 * BRANCH_WORD)
-        left = rest >= 2.0
-        self.undefined(mask & ~left)
-        half = (rest * 0.5).call("floor")
-        store(self.builder, self.state, 8 * BRANCH_WORD, self.where(mask & left, half, rest))
-        return mask & (rest - half * 2.0 > 0.0)
+        digits = load(self.builder, self.state, 8 * BRANCH_WORD)
+        has_digit = digits >= 2.0
+        self.undefined(mask & ~has_digit)
+        half = (digits * 0.5).call("floor")
+        store(self.builder, self.state, 8 * BRANCH_WORD, self.where(mask & has_digit, half, digits))
+        return mask & (digits - half * 2.0 > 0.0)
 
     # --- noise ---
 

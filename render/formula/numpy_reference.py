@@ -63,9 +63,9 @@ def _clip_to_bounds(parameters: Floats, bounds: Floats, o: Floats, d: Floats, lo
         if parameters[4] > 0:
             f = parameters[1:4, None] - o
             along = (f * d).sum(axis=0)
-            rest = parameters[4] ** 2 - ((f - along * d) ** 2).sum(axis=0)
-            half = np.sqrt(np.maximum(rest, 0.0))
-            low, high = np.where(rest > 0, np.maximum(low, along - half), np.inf), np.minimum(high, along + half)
+            discriminant = parameters[4] ** 2 - ((f - along * d) ** 2).sum(axis=0)
+            half = np.sqrt(np.maximum(discriminant, 0.0))
+            low, high = np.where(discriminant > 0, np.maximum(low, along - half), np.inf), np.minimum(high, along + half)
     return low, high
 
 
@@ -100,18 +100,18 @@ def _first_root(
         left_open = left_open[~_branches_exclude_root(tape, sheet, p[:, left_open], q[:, left_open], in_a[left_open])]
         open_.append((ray[left_open], a[left_open]))
         if crossed.any():
-            at = _bisect(tape, o[:, ray[crossed]], d[:, ray[crossed]], a[crossed], b[crossed], in_a[crossed])
-            order = np.argsort(at)[::-1]  # of several roots of a ray, the first is written last
+            distance = _bisect(tape, o[:, ray[crossed]], d[:, ray[crossed]], a[crossed], b[crossed], in_a[crossed])
+            order = np.argsort(distance)[::-1]  # of several roots of a ray, the first is written last
             which = np.flatnonzero(crossed)[order]
-            nearer = at[order] < root[ray[which]]
-            root[ray[which[nearer]]], inside[ray[which[nearer]]] = at[order][nearer], in_a[which[nearer]]
-        left = ~none & ~crossed & ~small
+            nearer = distance[order] < root[ray[which]]
+            root[ray[which[nearer]]], inside[ray[which[nearer]]] = distance[order][nearer], in_a[which[nearer]]
+        undecided = ~none & ~crossed & ~small
         middle = 0.5 * (a + b)
-        ray = np.concatenate([ray[left], ray[left]])
-        a, b = np.concatenate([a[left], middle[left]]), np.concatenate([middle[left], b[left]])
-    doubt, (ray, at) = np.zeros(n, bool), (np.concatenate(parts) for parts in zip(*open_, strict=True))
+        ray = np.concatenate([ray[undecided], ray[undecided]])
+        a, b = np.concatenate([a[undecided], middle[undecided]]), np.concatenate([middle[undecided], b[undecided]])
+    doubt, (ray, distance) = np.zeros(n, bool), (np.concatenate(parts) for parts in zip(*open_, strict=True))
     first, near = np.minimum(root, length), NEIGHBOURS * finest  # near a root bounds stay undecided, also at a ray's ends
-    doubt[ray[(at > near[ray]) & (at < first[ray] - near[ray])]] = True
+    doubt[ray[(distance > near[ray]) & (distance < first[ray] - near[ray])]] = True
     return root, inside, doubt
 
 
@@ -121,8 +121,8 @@ def _branches_exclude_root(tape: Tape, sheet: bool, p: Floats, q: Floats, inside
     low, high = (np.repeat(f(p, q), len(branches), axis=1) for f in (np.minimum, np.maximum))
     (least, most), _, maybe = numpy_interpreter.boxes(tape, low, high, ways=np.tile(branches, n))
     outside, within = ~(least <= 0), most < 0
-    wanted = (outside | within) if sheet else np.where(np.repeat(inside, len(branches)), within, outside)
-    return (wanted & ~maybe).reshape(n, len(branches)).all(axis=1)
+    excluded = (outside | within) if sheet else np.where(np.repeat(inside, len(branches)), within, outside)
+    return (excluded & ~maybe).reshape(n, len(branches)).all(axis=1)
 
 
 def _bisect(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArray) -> Floats:
@@ -135,33 +135,33 @@ def _bisect(tape: Tape, o: Floats, d: Floats, a: Floats, b: Floats, in_a: NDArra
 
 
 def _face_normals(
-    tape: Tape, normal: Floats, start: Floats, direction: Floats, at: Floats, reach: float, size: Floats, toward: Floats
+    tape: Tape, normal: Floats, start: Floats, direction: Floats, root: Floats, reach: float, size: Floats, toward: Floats
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """(normals, replaced by those of faces where the formula jumps over 0 or ends to be defined; which are replaced)."""
     if not np.isin(tape.code[:, 0], discontinuities.JUMPING + discontinuities.ENDING).any():
-        return normal, np.zeros(len(at), bool)
-    before, after = start + (at - APART * reach) * direction, start + (at + APART * reach) * direction
+        return normal, np.zeros(len(root), bool)
+    before, after = start + (root - APART * reach) * direction, start + (root + APART * reach) * direction
     apart = np.abs(numpy_interpreter.points(tape, *after)[0] - numpy_interpreter.points(tape, *before)[0])
     face = _face_gradients(tape, before, after)
     face = face / np.linalg.norm(face, axis=0)
     face = np.where(toward * (face * direction).sum(axis=0) < 0, -face, face)
-    here = np.isfinite(face).all(axis=0) & ~(apart <= discontinuities.LEAST * reach * size) & ~(apart >= np.inf)
-    return np.where(here, face, normal), here
+    on_face = np.isfinite(face).all(axis=0) & ~(apart <= discontinuities.LEAST * reach * size) & ~(apart >= np.inf)
+    return np.where(on_face, face, normal), on_face
 
 
 def _complete_hits(
-    tape: Tape, parameters: Floats, start: Floats, direction: Floats, at: Floats, inside: NDArray
+    tape: Tape, parameters: Floats, start: Floats, direction: Floats, root: Floats, inside: NDArray
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """(spacing, u, v) of roots."""
-    point, reach, toward = start + at * direction, parameters[5], np.where(inside, 1.0, -1.0)
+    point, reach, toward = start + root * direction, parameters[5], np.where(inside, 1.0, -1.0)
     _, gradient = numpy_interpreter.gradients(tape, *point)
     with np.errstate(all="ignore"):
-        _, before = numpy_interpreter.gradients(tape, *(start + (at - BACK * reach) * direction))
+        _, before = numpy_interpreter.gradients(tape, *(start + (root - BACK * reach) * direction))
         gradient = np.where((gradient == 0.0).all(axis=0), before, gradient)
         size = np.linalg.norm(gradient, axis=0)
         usable = (size > 0) & np.isfinite(size)
         normal = np.where(usable, gradient / size, toward * direction)
-        normal, on_face = _face_normals(tape, normal, start, direction, at, reach, size, toward)
+        normal, on_face = _face_normals(tape, normal, start, direction, root, reach, size, toward)
         if not parameters[0]:
             along = (normal * direction).sum(axis=0)
             normal = np.where(toward * along < 0, normal - 2 * along * direction, normal)
@@ -182,36 +182,38 @@ def _face_gradients(tape: Tape, before: np.ndarray, after: np.ndarray) -> np.nda
     set of the operand.
     """
     shape = np.shape(before[0])
-    found = np.full((3, *shape), np.nan)
+    gradient = np.full((3, *shape), np.nan)
 
-    def look(op: int, given: list[Any], slopes: list[list[Any]]) -> None:
-        step = _branch(op, given)
+    def look(op: int, operands: list[Any], slopes: list[list[Any]]) -> None:
+        step = _branch(op, operands)
         if step is not None:
-            of = point_slopes(NumpyMath(), Op.DIVIDE, given, given[0] / given[1], slopes) if op == Op.MOD else slopes[0]
-            fresh = (step[0] != step[1]) & np.isnan(found[0])
-            np.copyto(found, np.stack([np.broadcast_to(slope, (2, *shape))[1] for slope in of]), where=fresh)
+            operand_slopes = (
+                point_slopes(NumpyMath(), Op.DIVIDE, operands, operands[0] / operands[1], slopes) if op == Op.MOD else slopes[0]
+            )
+            fresh = (step[0] != step[1]) & np.isnan(gradient[0])
+            np.copyto(gradient, np.stack([np.broadcast_to(slope, (2, *shape))[1] for slope in operand_slopes]), where=fresh)
 
     numpy_interpreter.gradients(tape, *np.stack([before, after], axis=1), look=look)
-    return found
+    return gradient
 
 
-def _branch(op: int, given: list[Any]) -> Any:
+def _branch(op: int, operands: list[Any]) -> Any:
     """The step of a jumping operation, or whether the operand is in the domain of an ending one; None for other operations."""
     match op:
         case Op.FLOOR | Op.CEIL:
-            return np.floor(given[0]) if op == Op.FLOOR else np.ceil(given[0])
+            return np.floor(operands[0]) if op == Op.FLOOR else np.ceil(operands[0])
         case Op.MOD:
-            return np.floor(given[0] / given[1])
+            return np.floor(operands[0] / operands[1])
         case Op.SIGN:
-            return np.sign(given[0])
+            return np.sign(operands[0])
         case Op.CHOOSE:
-            return given[0] <= 0.0
+            return operands[0] <= 0.0
         case Op.ATAN2:
-            return np.signbit(given[0]) & (given[1] < 0.0)
+            return np.signbit(operands[0]) & (operands[1] < 0.0)
         case Op.SQRT | Op.POWER:
-            return given[0] < 0.0
+            return operands[0] < 0.0
         case Op.LOG:
-            return given[0] <= 0.0
+            return operands[0] <= 0.0
         case Op.ASIN | Op.ACOS:
-            return np.abs(given[0]) > 1.0
+            return np.abs(operands[0]) > 1.0
     return None

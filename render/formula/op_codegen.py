@@ -53,18 +53,18 @@ Parts = list[Value]
 Emitter = Callable[..., Parts]
 
 
-def _points(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    return [point_semantics.point(m, op, *(p[0] for p in given))]
+def _points(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
+    return [point_semantics.point(m, op, *(p[0] for p in operand_parts))]
 
 
-def _gradients(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    operands = [p[0] for p in given]
+def _gradients(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
+    operands = [p[0] for p in operand_parts]
     value = point_semantics.point(m, op, *operands)
-    return [value, *point_semantics.slopes(m, op, operands, value, [p[1:] for p in given])]
+    return [value, *point_semantics.slopes(m, op, operands, value, [p[1:] for p in operand_parts])]
 
 
-def _boxes(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    operands = [(p[0], p[1]) for p in given]
+def _boxes(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
+    operands = [(p[0], p[1]) for p in operand_parts]
     bounds = interval_semantics.interval(m, op, *operands)
     _record_choice(m, op, operands, choice)
     return list(bounds)
@@ -74,31 +74,31 @@ def _record_choice(m: VectorMath, op: Op, operands: list[Any], choice: Any) -> N
     """Record which operand of a choice is irrelevant."""
     if op not in CHOICES:
         return
-    known = interval_semantics.branch_choices(m, operands[0]) if op == Op.CHOOSE else interval_semantics.choices(m, op, *operands)
+    irrelevant = interval_semantics.branch_choices(m, operands[0]) if op == Op.CHOOSE else interval_semantics.choices(m, op, *operands)
     if m.result:  # of a minimum that goes into the result by minima, an operand above the result is irrelevant; likewise of maxima
         low, high = m.result
-        one, two = (p[0] > high if op == Op.MIN else p[1] < low for p in operands)
-        known = known[0] | (two & ~one), known[1] | one
-    for k, mask in enumerate(known):
+        first_beyond, second_beyond = (p[0] > high if op == Op.MIN else p[1] < low for p in operands)
+        irrelevant = irrelevant[0] | (second_beyond & ~first_beyond), irrelevant[1] | first_beyond
+    for k, mask in enumerate(irrelevant):
         m.note(m.builder.add(m.builder.mul(choice, ir.Constant(I64, 2)), ir.Constant(I64, 1 + k)), mask)
 
 
-def _forks(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    return list(interval_semantics.interval(m, op, *((p[0], p[1]) for p in given)))
+def _forks(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
+    return list(interval_semantics.interval(m, op, *((p[0], p[1]) for p in operand_parts)))
 
 
-def _rays(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    return _slope_bounds(m, op, given, 1)
+def _rays(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
+    return _slope_bounds(m, op, operand_parts, 1)
 
 
-def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
+def _spans(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
     """Bounds with the error of values: the operands' errors and rounding, scaled by derivative bounds (mean value theorem)."""
-    operands = [(p[0], p[1]) for p in given]
+    operands = [(p[0], p[1]) for p in operand_parts]
     _record_choice(m, op, operands, choice)
     u = 0.5 * m.unit
-    off = [p[4] + interval_arithmetic.high_of(m, abs(p[0]), abs(p[1])) * u for p in given]
+    off = [p[4] + interval_arithmetic.high_of(m, abs(p[0]), abs(p[1])) * u for p in operand_parts]
     value = interval_semantics.interval(m, op, *operands)
-    (slope,) = derivative_bounds.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in given])
+    (slope,) = derivative_bounds.slope_intervals(m, op, operands, value, [[(p[2], p[3])] for p in operand_parts])
     error = derivative_bounds.spread(m, op, operands, value, off)
     if op == Op.SQRT:
         error = interval_arithmetic.low_of(m, error, m.sqrt(off[0]))
@@ -112,11 +112,11 @@ def _spans(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
     return [*value, *slope, m.where((error < LARGEST) & (size < LARGEST), error, math.inf)]
 
 
-def emit_scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> Parts:
+def emit_scaled(m: VectorMath, operand: Parts, nearest: Value, largest: Value) -> Parts:
     """`_spans` of a product with a constant, given by its nearest number and its largest magnitude."""
-    ends = [part * nearest for part in given[:4]]
+    ends = [part * nearest for part in operand[:4]]
     size, steepness = (interval_arithmetic.high_of(m, abs(ends[k]), abs(ends[k + 1])) for k in (0, 2))
-    off = largest * (given[4] + interval_arithmetic.high_of(m, abs(given[0]), abs(given[1])) * m.unit)
+    off = largest * (operand[4] + interval_arithmetic.high_of(m, abs(operand[0]), abs(operand[1])) * m.unit)
     m.unbounded((size > m.big) | (steepness > m.big) | (off > m.big))
     ends = [m.clipped(end, -m.big, m.big) for end in ends]
     bounds = [*_outer_bounds(m, *ends[:2]), *_outer_bounds(m, *ends[2:])]
@@ -124,20 +124,20 @@ def emit_scaled(m: VectorMath, given: Parts, nearest: Value, largest: Value) -> 
     return [*bounds, m.where((off < LARGEST) & (size < LARGEST), off, math.inf)]
 
 
-def _outer_bounds(m: VectorMath, one: Value, other: Value) -> Parts:
+def _outer_bounds(m: VectorMath, first: Value, second: Value) -> Parts:
     """Bounds of the interval between two products with rounded factors."""
-    return [interval_arithmetic.down(m, m.least(one, other), 1), interval_arithmetic.up(m, m.largest(one, other), 1)]
+    return [interval_arithmetic.down(m, m.least(first, second), 1), interval_arithmetic.up(m, m.largest(first, second), 1)]
 
 
-def _cells(m: VectorMath, op: Op, given: list[Parts], choice: Any) -> Parts:
-    return _slope_bounds(m, op, given, 3)
+def _cells(m: VectorMath, op: Op, operand_parts: list[Parts], choice: Any) -> Parts:
+    return _slope_bounds(m, op, operand_parts, 3)
 
 
-def _slope_bounds(m: VectorMath, op: Op, given: list[Parts], directions: int) -> Parts:
+def _slope_bounds(m: VectorMath, op: Op, operand_parts: list[Parts], directions: int) -> Parts:
     """Bounds of the value and of the derivatives along 1 or 3 directions."""
-    operands = [(p[0], p[1]) for p in given]
+    operands = [(p[0], p[1]) for p in operand_parts]
     value = interval_semantics.interval(m, op, *operands)
-    derivatives = [[(p[2 + 2 * k], p[3 + 2 * k]) for k in range(directions)] for p in given]
+    derivatives = [[(p[2 + 2 * k], p[3 + 2 * k]) for k in range(directions)] for p in operand_parts]
     slopes = derivative_bounds.slope_intervals(m, op, operands, value, derivatives)
     return [*value, *(bound for slope in slopes for bound in slope)]
 

@@ -15,7 +15,29 @@ from .discontinuities import discontinuity_normal, whole_tape
 from .evaluate import EvalBuffers, RayFunction, gradient_and_value_at, value_on
 from .hit_geometry import MANIFOLD, gradient_at, normal_and_spacing
 from .llvm_math import LANES
-from .packet_state import OPEN, SPACED, VECTOR, U, are_consecutive, evaluate_points, load_numbers, load_single, ray_function, to_surface
+from .packet_state import (
+    END,
+    ENTER,
+    ERROR,
+    FIRST_BEGIN,
+    FIRST_END,
+    LEAVE,
+    LENGTH,
+    OPEN,
+    SIDE,
+    SLOPE,
+    VALUE_AT_BEGIN,
+    VALUE_AT_END,
+    VECTOR,
+    U,
+    are_consecutive,
+    evaluate_points,
+    load_numbers,
+    load_single,
+    ray_function,
+    to_surface,
+)
+from .tables import DISCONTINUITY, RESULT
 
 MAX_ITERATIONS = 12
 MAX_NEWTON_STEPS = 5
@@ -67,12 +89,12 @@ class Segments(NamedTuple):
 def append_segments(rows: Any, rays: Any, count: int, mask: Any, x: Segments) -> int:
     """Append segments in the lanes of a mask to the first `count`; return the new count."""
     simd.compress_store(rows, count, x.begin, mask)
-    simd.compress_store(rows, OPEN + count, x.end, mask)
-    simd.compress_store(rows, 2 * OPEN + count, x.at_begin, mask)
-    simd.compress_store(rows, 3 * OPEN + count, x.at_end, mask)
-    simd.compress_store(rows, 4 * OPEN + count, x.slope, mask)
-    simd.compress_store(rows, 5 * OPEN + count, x.side, mask)
-    simd.compress_store(rows, 8 * OPEN + count, x.error, mask)
+    simd.compress_store(rows, END + count, x.end, mask)
+    simd.compress_store(rows, VALUE_AT_BEGIN + count, x.at_begin, mask)
+    simd.compress_store(rows, VALUE_AT_END + count, x.at_end, mask)
+    simd.compress_store(rows, SLOPE + count, x.slope, mask)
+    simd.compress_store(rows, SIDE + count, x.side, mask)
+    simd.compress_store(rows, ERROR + count, x.error, mask)
     return count + simd.compress_store(rays, count, x.ray, mask)
 
 
@@ -102,7 +124,7 @@ def refine_brackets(trace, tape, count):
                 d = simd.load(packet.packed, (3 + axis) * OPEN + k * VECTOR, VECTOR)
                 simd.store(registers, (axis * many + k) * VECTOR, simd.fma(d, s, o))
         evaluate_points(packet, tape, many)
-        out = packet.tapes[tape, 2] * many
+        out = packet.tapes[tape, RESULT] * many
         for k in range(many):
             f = simd.load(registers, (out + k) * VECTOR, VECTOR)
             working = _narrow(rows, k * VECTOR, turn, f, enough) or working
@@ -113,10 +135,10 @@ def refine_brackets(trace, tape, count):
 
 
 @helper
-def _guess(rows: Any, at: int, turn: int) -> Any:
+def _guess(rows: Any, column: int, turn: int) -> Any:
     """Where the secant of a bracket crosses 0; in every sixth iteration the middle."""
-    a, b = simd.load(rows, at, VECTOR), simd.load(rows, OPEN + at, VECTOR)
-    fa, fb = simd.load(rows, 2 * OPEN + at, VECTOR), simd.load(rows, 3 * OPEN + at, VECTOR)
+    a, b = simd.load(rows, column, VECTOR), simd.load(rows, END + column, VECTOR)
+    fa, fb = simd.load(rows, VALUE_AT_BEGIN + column, VECTOR), simd.load(rows, VALUE_AT_END + column, VECTOR)
     if turn % 6 == 5:
         return 0.5 * (a + b)
     share = fa / (fa - fb)
@@ -125,29 +147,29 @@ def _guess(rows: Any, at: int, turn: int) -> Any:
 
 
 @helper
-def _narrow(rows: Any, at: int, turn: int, f: Any, enough: float) -> bool:
+def _narrow(rows: Any, column: int, turn: int, f: Any, enough: float) -> bool:
     """Replace one end of a bracket by the guess, by the Illinois method; return whether any lane needs more iterations.
 
     Where the value at the guess is insignificant, the bracket shrinks to the guess.
     """
-    s = _guess(rows, at, turn)
-    a, b = simd.load(rows, at, VECTOR), simd.load(rows, OPEN + at, VECTOR)
-    fa, fb = simd.load(rows, 2 * OPEN + at, VECTOR), simd.load(rows, 3 * OPEN + at, VECTOR)
-    side = simd.load(rows, 5 * OPEN + at, VECTOR)
+    s = _guess(rows, column, turn)
+    a, b = simd.load(rows, column, VECTOR), simd.load(rows, END + column, VECTOR)
+    fa, fb = simd.load(rows, VALUE_AT_BEGIN + column, VECTOR), simd.load(rows, VALUE_AT_END + column, VECTOR)
+    side = simd.load(rows, SIDE + column, VECTOR)
     done = (b - a <= enough) | (side == 2.0)
-    close = 0.4 * enough * simd.load(rows, 4 * OPEN + at, VECTOR)  # by the least slope, the root is then within 0.4 · enough
-    there = ~done & ~(abs(f) > simd.maximum(SHARE * simd.load(rows, 8 * OPEN + at, VECTOR), close))
+    close = 0.4 * enough * simd.load(rows, SLOPE + column, VECTOR)  # by the least slope, the root is then within 0.4 · enough
+    negligible = ~done & ~(abs(f) > simd.maximum(SHARE * simd.load(rows, ERROR + column, VECTOR), close))
     same = (f <= 0.0) == (fa <= 0.0)
-    on_a, on_b = ~done & ~there & same, ~done & ~there & ~same
+    on_a, on_b = ~done & ~negligible & same, ~done & ~negligible & ~same
     fb = simd.select(on_a & (side > 0.0), 0.5 * fb, fb)
     fa = simd.select(on_b & (side < 0.0), 0.5 * fa, fa)
-    simd.store(rows, at, simd.select(on_a | there, s, a))
-    simd.store(rows, OPEN + at, simd.select(on_b | there, s, b))
-    simd.store(rows, 2 * OPEN + at, simd.select(on_a, f, fa))
-    simd.store(rows, 3 * OPEN + at, simd.select(on_b, f, fb))
+    simd.store(rows, column, simd.select(on_a | negligible, s, a))
+    simd.store(rows, END + column, simd.select(on_b | negligible, s, b))
+    simd.store(rows, VALUE_AT_BEGIN + column, simd.select(on_a, f, fa))
+    simd.store(rows, VALUE_AT_END + column, simd.select(on_b, f, fb))
     side = simd.select(on_a, 1.0, simd.select(on_b, -1.0, side))
-    simd.store(rows, 5 * OPEN + at, simd.select(there, 2.0, side))
-    return simd.any_of(~done & ~there)
+    simd.store(rows, SIDE + column, simd.select(negligible, 2.0, side))
+    return simd.any_of(~done & ~negligible)
 
 
 @noinline_helper
@@ -162,100 +184,100 @@ def _polish(trace, tape, first, count):
     mask = crosslane.lane_indices(first) < count
     ray = ray_function(packet, trace.memory, tape, index)
     d = ray.direction
-    a, b = crosslane.load_row(rows, first), crosslane.load_row(rows, OPEN + first)
-    fa, fb = crosslane.load_row(rows, 2 * OPEN + first), crosslane.load_row(rows, 3 * OPEN + first)
-    steep, side = crosslane.load_row(rows, 4 * OPEN + first), crosslane.load_row(rows, 5 * OPEN + first)
-    low, high = packet.exact[6 * SPACED + index], packet.exact[7 * SPACED + index]
-    there = side == 2.0
+    a, b = crosslane.load_row(rows, first), crosslane.load_row(rows, END + first)
+    fa, fb = crosslane.load_row(rows, VALUE_AT_BEGIN + first), crosslane.load_row(rows, VALUE_AT_END + first)
+    steep, side = crosslane.load_row(rows, SLOPE + first), crosslane.load_row(rows, SIDE + first)
+    low, high = packet.exact[ENTER + index], packet.exact[LEAVE + index]
+    settled = side == 2.0
     share = fa / (fa - fb)
-    at = ops.where(there, a, a + (b - a) * ops.where((share >= 0.0) & (share <= 1.0), share, 0.5))
-    begin, end = crosslane.load_row(rows, 6 * OPEN + first), crosslane.load_row(rows, 7 * OPEN + first)
-    rounding = 2.0**-28 * crosslane.load_row(rows, 8 * OPEN + first)
-    at, slope, gradient, off, good = _newton(ray, at, begin, end, steep, rounding, reach, mask)
+    distance = ops.where(settled, a, a + (b - a) * ops.where((share >= 0.0) & (share <= 1.0), share, 0.5))
+    begin, end = crosslane.load_row(rows, FIRST_BEGIN + first), crosslane.load_row(rows, FIRST_END + first)
+    rounding = 2.0**-28 * crosslane.load_row(rows, ERROR + first)
+    distance, slope, gradient, off, good = _newton(ray, distance, begin, end, steep, rounding, reach, mask)
     bad = mask & ops.not_(good)
-    if packet.places[0, 5] != 0:  # the slope does not bound a jump
+    if packet.places[0, DISCONTINUITY] != 0:  # the slope does not bound a jump
         bad = mask
     if ops.any_lane(bad):
         f_begin, f_end = value_on(ray, begin, bad), value_on(ray, end, bad)
-        root = refine_bracket(ray, Bracket(begin, end, f_begin, f_end), at * 0.0 + start, reach, bad)
-        at = ops.where(bad, root, at)
-        value = value_on(ray, at, bad)
-        gradient = ops.where3(bad, gradient_at(ray, at, start + at + reach, bad), gradient)
+        root = refine_bracket(ray, Bracket(begin, end, f_begin, f_end), distance * 0.0 + start, reach, bad)
+        distance = ops.where(bad, root, distance)
+        value = value_on(ray, distance, bad)
+        gradient = ops.where3(bad, gradient_at(ray, distance, start + distance + reach, bad), gradient)
         off = ops.where(bad, MANIFOLD * abs(value), off)
         inside = ops.where(bad, f_begin, -slope) <= 0.0
-        at, gradient, off = correct_at_discontinuity(trace, index, d, at, inside, gradient, off, bad)
-        write_hits(trace, index, d, at, off, gradient, inside, mask & (at >= low) & (at <= high))
+        distance, gradient, off = correct_at_discontinuity(trace, index, d, distance, inside, gradient, off, bad)
+        write_hits(trace, index, d, distance, off, gradient, inside, mask & (distance >= low) & (distance <= high))
     else:
-        write_hits(trace, index, d, at, off, gradient, slope > 0.0, mask & (at >= low) & (at <= high))
+        write_hits(trace, index, d, distance, off, gradient, slope > 0.0, mask & (distance >= low) & (distance <= high))
 
 
 @helper
 def _newton(
-    ray: RayFunction, at: Lane, begin: Lane, end: Lane, steep: Lane, rounding: Lane, reach: float, mask: Lane
+    ray: RayFunction, distance: Lane, begin: Lane, end: Lane, steep: Lane, rounding: Lane, reach: float, mask: Lane
 ) -> tuple[Lane, Lane, Vec, Lane, Lane]:
-    """(distance, slope, gradient, bound of the value, lanes that converged) after Newton steps from distances `at`."""
+    """(distance, slope, gradient, bound of the value, lanes that converged) after Newton steps from distances `distance`."""
     least, d = 0.99 * steep, ray.direction
-    slope, gradient = 0.0 * at, d
-    far, off, good, settled = 0.0 * at + 1e-4 * reach, 0.0 * at, mask, mask
+    slope, gradient = 0.0 * distance, d
+    far, off, good, settled = 0.0 * distance + 1e-4 * reach, 0.0 * distance, mask, mask
     for turn in range(MAX_NEWTON_STEPS):
-        p = ops.along(ray.start, d, at)
+        p = ops.along(ray.start, d, distance)
         value, gx, gy, gz = gradient_and_value_at(ray.forms, ray.k, ray.tape, ray.memory, p, mask)
         gradient = (gx, gy, gz)
         slope = ops.dot(gradient, d)
         if turn == 0:
             far = ops.minimum(2.0 * abs(value) / steep, far)
         step = ops.clip(-value / slope, -far, far)
-        good = good & (abs(slope) >= least) & (abs(at + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
-        at = at + ops.where(good, step, 0.0)
-        rest = value_on(ray, at, mask)
-        straight = abs(rest) <= STRAIGHT * abs(value)
-        settled = (straight | (abs(rest) <= rounding)) & (abs(rest) <= 1e-9 * reach * steep)  # so near by the least slope
-        off = ops.where(straight, 4.0 * STRAIGHT, 1.0) * abs(rest) + rounding
-        at = at - ops.where(good & straight, rest / slope, 0.0)
+        good = good & (abs(slope) >= least) & (abs(distance + step - 0.5 * (begin + end)) <= 0.5 * (end - begin) + far)
+        distance = distance + ops.where(good, step, 0.0)
+        residual = value_on(ray, distance, mask)
+        straight = abs(residual) <= STRAIGHT * abs(value)
+        settled = (straight | (abs(residual) <= rounding)) & (abs(residual) <= 1e-9 * reach * steep)  # so near by the least slope
+        off = ops.where(straight, 4.0 * STRAIGHT, 1.0) * abs(residual) + rounding
+        distance = distance - ops.where(good & straight, residual / slope, 0.0)
         if not ops.any_lane(mask & good & ops.not_(settled)):
             break
-    return at, slope, gradient, off, good & settled
+    return distance, slope, gradient, off, good & settled
 
 
 @helper
 def correct_at_discontinuity(
-    trace: Traversal, ray: Lane, direction: Vec, at: Lane, inside: Lane, gradient: Vec, off: Lane, mask: Lane
+    trace: Traversal, ray: Lane, direction: Vec, distance: Lane, inside: Lane, gradient: Vec, off: Lane, mask: Lane
 ) -> tuple[Lane, Vec, Lane]:
     """(distance, gradient, bound of the value) of roots, corrected where the formula may jump or end."""
     packet, hits = trace.packet, trace.hits
-    if packet.places[0, 5] != 0:
+    if packet.places[0, DISCONTINUITY] != 0:
         origin = to_surface(hits.rays, hits.first + ray, hits.inverse)
-        whole = whole_tape(packet, 0, trace.memory, origin, direction, at)
-        face = discontinuity_normal(whole, trace.start + at, inside, gradient, off, mask)
-        at, gradient, off = ops.where(face.settled, face.at - trace.start, at), face.gradient, face.off
-    return at, gradient, off
+        surface_function = whole_tape(packet, 0, trace.memory, origin, direction, distance)
+        face = discontinuity_normal(surface_function, trace.start + distance, inside, gradient, off, mask)
+        distance, gradient, off = ops.where(face.settled, face.distance - trace.start, distance), face.gradient, face.off
+    return distance, gradient, off
 
 
 @helper
-def write_hits(trace: Traversal, ray: Lane, direction: Vec, at: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane) -> None:
+def write_hits(trace: Traversal, ray: Lane, direction: Vec, distance: Lane, off: Lane, gradient: Vec, inside: Lane, mask: Lane) -> None:
     """Write the hits of rays in the lanes of a mask, and deactivate these rays."""
     packet, hits = trace.packet, trace.hits
     units, u, v = normal_and_spacing(packet, 0, direction, gradient, inside, off)
-    number, column = ops.int_like(at, hits.number), hits.first + ray
+    number, column = ops.int_like(distance, hits.number), hits.first + ray
     if are_consecutive(ray) and ops.not_(ops.any_lane(ops.not_(mask))):
         begin = crosslane.lane(column, 0)
-        t = (trace.start + at) / crosslane.load_row(packet.exact, 8 * SPACED + crosslane.lane(ray, 0))
+        t = (trace.start + distance) / crosslane.load_row(packet.exact, LENGTH + crosslane.lane(ray, 0))
         crosslane.store_row(hits.t, begin, t)
         crosslane.store_row(hits.instance, begin, number)
         crosslane.store_row(hits.spacing, begin, units)
         crosslane.store_row(hits.u, begin, u)
         crosslane.store_row(hits.v, begin, v)
     else:
-        crosslane.scatter_masked(hits.t, column, (trace.start + at) / packet.exact[8 * SPACED + ray], mask)
+        crosslane.scatter_masked(hits.t, column, (trace.start + distance) / packet.exact[LENGTH + ray], mask)
         crosslane.scatter_masked(hits.instance, column, number, mask)
         crosslane.scatter_masked(hits.spacing, column, units, mask)
         crosslane.scatter_masked(hits.u, column, u, mask)
         crosslane.scatter_masked(hits.v, column, v, mask)
-    bit, rest = ops.int_like(at, 1) << (ray & (VECTOR - 1)), mask
-    while ops.any_lane(rest):
-        first, here = crosslane.uniform_group(ray & -VECTOR, rest)
-        packet.alive[first // VECTOR] &= ~crosslane.total(ops.where(here, bit, 0))
-        rest = rest & ops.not_(here)
+    bit, pending = ops.int_like(distance, 1) << (ray & (VECTOR - 1)), mask
+    while ops.any_lane(pending):
+        first, group = crosslane.uniform_group(ray & -VECTOR, pending)
+        packet.alive[first // VECTOR] &= ~crosslane.total(ops.where(group, bit, 0))
+        pending = pending & ops.not_(group)
 
 
 @helper

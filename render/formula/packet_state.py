@@ -20,6 +20,7 @@ from .interval_grid import CHOICE, TapeStore, simplify
 from .llvm_math import LANES
 from .op_codegen import WIDTHS
 from .scene_surfaces import PROGRAMS
+from .tables import FIRST_ROW, RESULT, ROW_COUNT
 
 RAYS = 4096
 SPACED = RAYS + 64  # between columns of rays: a power of two would map all columns to the same cache sets
@@ -28,7 +29,11 @@ PARTS_OF_SPAN = WIDTHS["spans32"]
 POINTS, BOXES, SPANS = (PROGRAMS.index(name) for name in ("points32", "boxes32", "spans32"))
 HULLS = RAYS // VECTOR  # of vectors; the hulls of groups follow them
 STRIDE = HULLS + GROUP // VECTOR
+ENTER, LEAVE, LENGTH = 6 * SPACED, 7 * SPACED, 8 * SPACED  # first elements of columns of rays, after three each of starts and directions
 OPEN = GROUP + VECTOR
+END, VALUE_AT_BEGIN, VALUE_AT_END, SLOPE, SIDE, FIRST_BEGIN, FIRST_END, ERROR = (row * OPEN for row in range(1, 9))
+"""First elements of rows of brackets and open segments, after that of their begins."""
+STEP = SLOPE  # of an open segment: length of its next piece
 FINEST = 2.0**-17  # of the largest coordinate: shortest piece of a ray in float32
 WIDEST = 8.0  # times the box's diagonal: longest interval in which rays of a packet may enter the box
 LONG_TAPE = 40  # rows from which bounding the result first pays
@@ -43,7 +48,7 @@ UNIT_TOLERANCE = 2.0**-50  # of the squared length of a unit vector
 def evaluate(packet: Any, program: int, tape: int, vectors: int) -> None:
     """Run a program on `vectors` vectors of inputs in the registers."""
     tapes = packet.tapes
-    first, rows = tapes[tape, 0], tapes[tape, 1]
+    first, rows = tapes[tape, FIRST_ROW], tapes[tape, ROW_COUNT]
     interpret(packet.programs[program], packet.code, first, rows, packet.registers, packet.constants32, 0, packet.state, np.int64(vectors))
 
 
@@ -51,8 +56,8 @@ def evaluate(packet: Any, program: int, tape: int, vectors: int) -> None:
 def evaluate_points(packet: Any, tape: int, vectors: int) -> None:
     """`evaluate` for POINTS, by compiled code if that is ready and the tape not much shorter; both give the same bits."""
     code = packet.compiled[0, 2]
-    if code != 0 and len(packet.whole) <= SPEEDUP * packet.tapes[tape, 1]:
-        run_compiled_rows(code, packet.registers, packet.constants32, packet.tapes[tape, 2] * vectors * VECTOR, vectors)
+    if code != 0 and len(packet.whole) <= SPEEDUP * packet.tapes[tape, ROW_COUNT]:
+        run_compiled_rows(code, packet.registers, packet.constants32, packet.tapes[tape, RESULT] * vectors * VECTOR, vectors)
     else:
         evaluate(packet, POINTS, tape, vectors)
 
@@ -61,11 +66,11 @@ def evaluate_points(packet: Any, tape: int, vectors: int) -> None:
 def set_known_bounds(packet: Any, parts: int, vectors: int, low: Any, high: Any) -> None:
     """Set the known bounds of the result for a program whose values have `parts` parts."""
     for vector in range(vectors):
-        unknown, known = UNKNOWN * parts * vectors + vector, KNOWN * parts * vectors + vector
-        simd.store(packet.registers, unknown * VECTOR, simd.f32x16(-np.inf))
-        simd.store(packet.registers, (unknown + vectors) * VECTOR, simd.f32x16(np.inf))
-        simd.store(packet.registers, known * VECTOR, low)
-        simd.store(packet.registers, (known + vectors) * VECTOR, high)
+        unknown_row, known_row = UNKNOWN * parts * vectors + vector, KNOWN * parts * vectors + vector
+        simd.store(packet.registers, unknown_row * VECTOR, simd.f32x16(-np.inf))
+        simd.store(packet.registers, (unknown_row + vectors) * VECTOR, simd.f32x16(np.inf))
+        simd.store(packet.registers, known_row * VECTOR, low)
+        simd.store(packet.registers, (known_row + vectors) * VECTOR, high)
 
 
 @helper
@@ -78,12 +83,12 @@ def simplify_for_lane(packet: Any, tape: int, lane: int) -> int:
 
 
 @helper
-def same_choices(packet: Any, tape: int, one: int, other: int) -> bool:
+def same_choices(packet: Any, tape: int, lane: int, other_lane: int) -> bool:
     """Whether two lanes of the last bounds need the same rows of a tape."""
-    last = packet.tapes[tape, 0] + packet.tapes[tape, 1] - 1
+    last = packet.tapes[tape, FIRST_ROW] + packet.tapes[tape, ROW_COUNT] - 1
     state = packet.state
     for word in range(1, 1 + 2 * (packet.code[last, 5] + CHOICE[packet.code[last, 0]])):
-        if ((state[word] >> one) ^ (state[word] >> other)) & 1 != 0:
+        if ((state[word] >> lane) ^ (state[word] >> other_lane)) & 1 != 0:
             return False
     return True
 
@@ -100,20 +105,20 @@ def ray_columns(origin: Any, direction: Any, t_min: Any, t_max: Any) -> NDArray[
 
 
 @noinline_helper
-def begin_packet(packet, columns, at, n, inverse, known):
-    """Set a packet's rays from n columns; `known` holds the distances of hits so far.
+def begin_packet(packet, columns, column, n, inverse, hit_distances):
+    """Set a packet's rays from n columns; `hit_distances` holds the distances of hits so far.
 
     Returns (distance at which the packet begins, length of the interval in which it may hit the box; −1 if no ray does).
     """
     exact, rays = packet.exact, packet.rays
-    begin, end = _clip_rays(packet, columns, at, n, inverse, known)
+    begin, end = _clip_rays(packet, columns, column, n, inverse, hit_distances)
     if not begin < end:
         return 0.0, -1.0
     for first in range(0, (n + VECTOR - 1) // VECTOR * VECTOR, LANES):
-        enter = crosslane.load_row(exact, 6 * SPACED + first)
+        enter = crosslane.load_row(exact, ENTER + first)
         if not ops.any_lane(enter < np.inf):
-            crosslane.store_row(rays, 6 * SPACED + first, ops.full_like(enter, np.inf))
-            crosslane.store_row(rays, 7 * SPACED + first, ops.full_like(enter, -np.inf))
+            crosslane.store_row(rays, ENTER + first, ops.full_like(enter, np.inf))
+            crosslane.store_row(rays, LEAVE + first, ops.full_like(enter, -np.inf))
             continue
         for axis in range(3):
             direction = crosslane.load_row(exact, (3 + axis) * SPACED + first)
@@ -121,30 +126,30 @@ def begin_packet(packet, columns, at, n, inverse, known):
             crosslane.store_row(exact, axis * SPACED + first, start)
             crosslane.store_row(rays, axis * SPACED + first, start)
             crosslane.store_row(rays, (3 + axis) * SPACED + first, direction)
-        enter, leave = enter - begin, crosslane.load_row(exact, 7 * SPACED + first) - begin
-        crosslane.store_row(exact, 6 * SPACED + first, enter)
-        crosslane.store_row(exact, 7 * SPACED + first, leave)
-        crosslane.store_row(rays, 6 * SPACED + first, enter * (1.0 - 4.0 * U))
-        crosslane.store_row(rays, 7 * SPACED + first, leave * (1.0 + 4.0 * U))
+        enter, leave = enter - begin, crosslane.load_row(exact, LEAVE + first) - begin
+        crosslane.store_row(exact, ENTER + first, enter)
+        crosslane.store_row(exact, LEAVE + first, leave)
+        crosslane.store_row(rays, ENTER + first, enter * (1.0 - 4.0 * U))
+        crosslane.store_row(rays, LEAVE + first, leave * (1.0 + 4.0 * U))
     return begin, end - begin
 
 
 @helper
-def _clip_rays(packet: Any, columns: Any, at: int, n: int, inverse: Any, known: Any) -> tuple[float, float]:
+def _clip_rays(packet: Any, columns: Any, column: int, n: int, inverse: Any, hit_distances: Any) -> tuple[float, float]:
     """Transform rays to the surface's frame and clip them to its box: (first distance in it, last)."""
     exact = packet.exact
     soonest = ops.full_like(ops.to_float(crosslane.lane_indices(0)), np.inf)
     latest = -soonest
     for first in range(0, (n + VECTOR - 1) // VECTOR * VECTOR, LANES):
-        o, d, low, high = to_local(columns, at + first, inverse)
+        o, d, low, high = to_local(columns, column + first, inverse)
         mine = crosslane.lane_indices(first) < n
         if first + LANES <= n:
-            high = ops.minimum(high, crosslane.load_row(known, at + first))
+            high = ops.minimum(high, crosslane.load_row(hit_distances, column + first))
         else:
-            high = ops.minimum(high, known[at + ops.minimum(crosslane.lane_indices(first), n - 1)])
+            high = ops.minimum(high, hit_distances[column + ops.minimum(crosslane.lane_indices(first), n - 1)])
         if not ops.any_lane(mine & (low < high) & _hits_ball(packet, o, d)):  # the divisions below are most of the cost here
-            crosslane.store_row(exact, 6 * SPACED + first, ops.full_like(soonest, np.inf))
-            crosslane.store_row(exact, 7 * SPACED + first, ops.full_like(soonest, -np.inf))
+            crosslane.store_row(exact, ENTER + first, ops.full_like(soonest, np.inf))
+            crosslane.store_row(exact, LEAVE + first, ops.full_like(soonest, -np.inf))
             continue
         unit, size = _normalize(d)
         enter, leave = clip_to_bounds(packet, 0, o, unit, low * size, high * size)
@@ -154,9 +159,9 @@ def _clip_rays(packet: Any, columns: Any, at: int, n: int, inverse: Any, known: 
         for axis in range(3):
             crosslane.store_row(exact, axis * SPACED + first, o[0] if axis == 0 else o[1] if axis == 1 else o[2])
             crosslane.store_row(exact, (3 + axis) * SPACED + first, unit[0] if axis == 0 else unit[1] if axis == 1 else unit[2])
-        crosslane.store_row(exact, 6 * SPACED + first, enter)
-        crosslane.store_row(exact, 7 * SPACED + first, leave)
-        crosslane.store_row(exact, 8 * SPACED + first, size)
+        crosslane.store_row(exact, ENTER + first, enter)
+        crosslane.store_row(exact, LEAVE + first, leave)
+        crosslane.store_row(exact, LENGTH + first, size)
     return crosslane.reduce_min(soonest), crosslane.reduce_max(latest)
 
 
@@ -185,9 +190,9 @@ def _hits_ball(packet: Any, o: Vec, d: Vec) -> Lane:
 
 
 @helper
-def to_local(columns: Any, at: int, matrix: Any) -> tuple[Vec, Vec, Lane, Lane]:
-    """Rays from column `at` on, transformed by a (3, 4) matrix: (origins, directions, first and last distance)."""
-    o, d, first, last = get(columns, at)
+def to_local(columns: Any, column: int, matrix: Any) -> tuple[Vec, Vec, Lane, Lane]:
+    """Rays from column `column` on, transformed by a (3, 4) matrix: (origins, directions, first and last distance)."""
+    o, d, first, last = get(columns, column)
     x, y, z = _rotate(matrix, o)
     return (x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]), _rotate(matrix, d), first, last
 
@@ -211,19 +216,19 @@ def _rotate(matrix: Any, p: Vec) -> Vec:
 def hull_vectors(packet, vectors):
     """Set the boxes around starts and directions of each vector's rays, and the alive rays."""
     for vector in range(vectors):
-        at = vector * VECTOR
-        there = simd.load(packet.rays, 6 * SPACED + at, VECTOR) < simd.load(packet.rays, 7 * SPACED + at, VECTOR)
-        packet.alive[vector] = simd.bits(there)
-        for ray in range(at, at + VECTOR):
+        first_ray = vector * VECTOR
+        active = simd.load(packet.rays, ENTER + first_ray, VECTOR) < simd.load(packet.rays, LEAVE + first_ray, VECTOR)
+        packet.alive[vector] = simd.bits(active)
+        for ray in range(first_ray, first_ray + VECTOR):
             packet.spent[ray] = 0
         packet.carried_at[vector] = -1.0
         if packet.alive[vector] == 0:
             continue
         for part in range(2):
             for axis in range(3):
-                x = simd.load(packet.rays, (3 * part + axis) * SPACED + at, VECTOR)
-                packet.hulls[(6 * part + axis) * STRIDE + vector] = simd.min_of(simd.select(there, x, np.inf))
-                packet.hulls[(6 * part + 3 + axis) * STRIDE + vector] = simd.max_of(simd.select(there, x, -np.inf))
+                x = simd.load(packet.rays, (3 * part + axis) * SPACED + first_ray, VECTOR)
+                packet.hulls[(6 * part + axis) * STRIDE + vector] = simd.min_of(simd.select(active, x, np.inf))
+                packet.hulls[(6 * part + 3 + axis) * STRIDE + vector] = simd.max_of(simd.select(active, x, -np.inf))
 
 
 @helper
@@ -256,28 +261,28 @@ def slab_inputs(packet: Any, groups_at: int, slab: float, slack: float) -> None:
 
 
 @helper
-def _groups(packet: Any, row: int, at: int, empty: float) -> Any:
-    x = simd.load(packet.hulls, row * STRIDE + at, VECTOR)
+def _groups(packet: Any, row: int, first_hull: int, empty: float) -> Any:
+    x = simd.load(packet.hulls, row * STRIDE + first_hull, VECTOR)
     return simd.select(simd.iota(simd.i32x16(0)) < packet.ends[2], x, empty)
 
 
 @helper
-def span_inputs(packet: Any, at: int, begin: float, length: float, slack: float) -> None:
-    """Set the inputs of `spans32` to the boxes around sixteen hulls from `at` on in each quarter of a slab."""
+def span_inputs(packet: Any, first_hull: int, begin: float, length: float, slack: float) -> None:
+    """Set the inputs of `spans32` to the boxes around sixteen hulls from `first_hull` on in each quarter of a slab."""
     for quarter in range(QUARTERS):
-        _span(packet, at, begin + quarter * length, begin + (quarter + 1) * length, slack, quarter, QUARTERS)
+        _span(packet, first_hull, begin + quarter * length, begin + (quarter + 1) * length, slack, quarter, QUARTERS)
 
 
 @helper
-def span_input(packet: Any, at: int, begin: float, length: float, slack: float) -> None:
+def span_input(packet: Any, first_hull: int, begin: float, length: float, slack: float) -> None:
     """`span_inputs` for one interval."""
-    _span(packet, at, begin, begin + length, slack, 0, 1)
+    _span(packet, first_hull, begin, begin + length, slack, 0, 1)
 
 
 @helper
-def _span(packet: Any, at: int, a: float, b: float, slack: float, vector: int, vectors: int) -> None:
+def _span(packet: Any, first_hull: int, a: float, b: float, slack: float, vector: int, vectors: int) -> None:
     for axis in range(3):
-        low, high, d_low, d_high = _sweep(packet, at, axis, a, b, slack)
+        low, high, d_low, d_high = _sweep(packet, first_hull, axis, a, b, slack)
         row = (PARTS_OF_SPAN * axis * vectors + vector) * VECTOR
         simd.store(packet.registers, row, low)
         simd.store(packet.registers, row + vectors * VECTOR, high)
@@ -287,23 +292,23 @@ def _span(packet: Any, at: int, a: float, b: float, slack: float, vector: int, v
 
 
 @helper
-def quarter_inputs(packet: Any, at: int, begin: float, length: float, slack: float) -> None:
+def quarter_inputs(packet: Any, first_hull: int, begin: float, length: float, slack: float) -> None:
     """Set the inputs of `boxes32` to the boxes of `span_inputs`."""
     for quarter in range(QUARTERS):
         for axis in range(3):
-            low, high, _, _ = _sweep(packet, at, axis, begin + quarter * length, begin + (quarter + 1) * length, slack)
+            low, high, _, _ = _sweep(packet, first_hull, axis, begin + quarter * length, begin + (quarter + 1) * length, slack)
             row = (2 * axis * QUARTERS + quarter) * VECTOR
             simd.store(packet.registers, row, low)
             simd.store(packet.registers, row + QUARTERS * VECTOR, high)
 
 
 @helper
-def _sweep(packet: Any, at: int, axis: int, a: float, b: float, slack: float) -> tuple[Any, Any, Any, Any]:
+def _sweep(packet: Any, first_hull: int, axis: int, a: float, b: float, slack: float) -> tuple[Any, Any, Any, Any]:
     """Bounds along an axis of sixteen hulls between the distances a and b, and of their directions."""
-    o_low = simd.load(packet.hulls, axis * STRIDE + at, VECTOR) - slack
-    o_high = simd.load(packet.hulls, (3 + axis) * STRIDE + at, VECTOR) + slack
-    d_low = simd.load(packet.hulls, (6 + axis) * STRIDE + at, VECTOR) - 2.0 * U
-    d_high = simd.load(packet.hulls, (9 + axis) * STRIDE + at, VECTOR) + 2.0 * U
+    o_low = simd.load(packet.hulls, axis * STRIDE + first_hull, VECTOR) - slack
+    o_high = simd.load(packet.hulls, (3 + axis) * STRIDE + first_hull, VECTOR) + slack
+    d_low = simd.load(packet.hulls, (6 + axis) * STRIDE + first_hull, VECTOR) - 2.0 * U
+    d_high = simd.load(packet.hulls, (9 + axis) * STRIDE + first_hull, VECTOR) + 2.0 * U
     return o_low + simd.minimum(d_low * a, d_low * b), o_high + simd.maximum(d_high * a, d_high * b), d_low, d_high
 
 
@@ -321,9 +326,9 @@ def sign_in_float64(packet, memory, tape, ray, s, f, mask):
     for first in range(0, VECTOR, LANES):
         if (bits >> first) & ((1 << LANES) - 1) == 0:
             continue
-        one = ray_function(packet, memory, tape, load_numbers(places, first))
-        at = crosslane.load_row(numbers, first)
-        value = value_on(one, ops.where(abs(at) < np.inf, at, 0.0), at == at)
+        function = ray_function(packet, memory, tape, load_numbers(places, first))
+        distance = crosslane.load_row(numbers, first)
+        value = value_on(function, ops.where(abs(distance) < np.inf, distance, 0.0), distance == distance)
         size = ops.maximum(abs(value), 1e-30)
         crosslane.store_row(signed, first, ops.where(value <= 0.0, -size, size))
     return simd.select(mask, simd.load(signed, 0, VECTOR), f)

@@ -51,6 +51,7 @@ from .packet_state import (
     span_inputs,
     value_error,
 )
+from .tables import FIRST_ROW, HIGH, LARGEST_COORDINATE, RESULT, ROW_COUNT
 
 
 class HitColumns(NamedTuple):
@@ -90,14 +91,16 @@ def _trace_packet(packet, memory, n, hits):
     if length < 0.0:
         return True
     numbers = packet.numbers
-    size = math.sqrt((numbers[0, 3] - numbers[0, 0]) ** 2 + (numbers[0, 4] - numbers[0, 1]) ** 2 + (numbers[0, 5] - numbers[0, 2]) ** 2)
+    size = math.sqrt(
+        (numbers[0, HIGH] - numbers[0, 0]) ** 2 + (numbers[0, HIGH + 1] - numbers[0, 1]) ** 2 + (numbers[0, HIGH + 2] - numbers[0, 2]) ** 2
+    )
     if length > WIDEST * size:
         return False
     rows = len(packet.whole)
     for i in range(rows):
         for c in range(4):
             packet.names[i, c] = packet.whole[i, c]
-    packet.tapes[0, 0], packet.tapes[0, 1] = 0, rows
+    packet.tapes[0, FIRST_ROW], packet.tapes[0, ROW_COUNT] = 0, rows
     allocate_registers(packet.names, packet.code, packet.tapes, 0)
     vectors = (n + VECTOR - 1) // VECTOR
     hull_vectors(packet, vectors)
@@ -106,19 +109,19 @@ def _trace_packet(packet, memory, n, hits):
         packet.alive[vector] = 0  # its box is of an earlier packet
     packet.ends[2] = groups
     slab = _round_up(length / SLABS)
-    reach = numbers[0, 13] + length
+    reach = numbers[0, LARGEST_COORDINATE] + length
     slack = 32.0 * U * reach
     hull_groups(packet, groups)
     trace = Traversal(packet, memory, groups, vectors, begin, reach, slack, hits)
-    left = _bound_slabs(packet, rows, slab, slack)
+    slabs = _bound_slabs(packet, rows, slab, slack)
     # the choices in slabs are read later, after other bounds
     choices = len(packet.state)
     slab_state = packet.slab_state
     for i in range(choices):
         slab_state[i] = packet.state[i]
-    while left != 0:
-        i = simd.trailing_zeros(left)
-        left &= left - 1
+    while slabs != 0:
+        i = simd.trailing_zeros(slabs)
+        slabs &= slabs - 1
         if i * slab > length:
             break
         packet.ends[0], packet.ends[1] = 1, rows
@@ -140,7 +143,7 @@ def _bound_slabs(packet: Any, rows: int, slab: float, slack: float) -> int:
         set_known_bounds(packet, 2, 1, low, high)
         packet.state[0] = 0
         evaluate(packet, BOXES, 0, 1)
-        out = packet.tapes[0, 2] * 2 * VECTOR
+        out = packet.tapes[0, RESULT] * 2 * VECTOR
         low, high = simd.load(packet.registers, out, VECTOR), simd.load(packet.registers, out + VECTOR, VECTOR)
         if packet.code[rows - 1, 6] == 0:
             break
@@ -153,8 +156,8 @@ def _bound_slabs(packet: Any, rows: int, slab: float, slack: float) -> int:
 @helper
 def _round_up(x: float) -> float:
     """Round a positive number up to eight binary digits, so that multiples are exact in float32."""
-    rest = (1 << 45) - 1  # bits of the mantissa after them
-    return np.int64((np.float64(x).view(np.int64) + rest) & ~rest).view(np.float64)
+    low_bits = (1 << 45) - 1  # bits of the mantissa after them
+    return np.int64((np.float64(x).view(np.int64) + low_bits) & ~low_bits).view(np.float64)
 
 
 # --- slabs --------------------------------------------------------------------------------------------------------------
@@ -171,7 +174,7 @@ def _trace_slab(trace, tape, begin, length):
     maybe = packet.state[0]
     _store_bounds(packet, tape)
     _simplify_groups(packet, tape, trace.groups, maybe)
-    stored, tapes, left = packet.bounds, packet.tape_of, False
+    stored, tapes, any_alive = packet.bounds, packet.tape_of, False
     for group in range(trace.groups):
         count = min(VECTOR, trace.vectors - group * VECTOR)
         alive = _any_alive(packet, group, count)
@@ -194,8 +197,8 @@ def _trace_slab(trace, tape, begin, length):
             else:
                 _trace_group(trace, tapes[lane], group, a, quarter / QUARTERS)
             alive = _any_alive(packet, group, count)
-        left = left or alive
-    return left
+        any_alive = any_alive or alive
+    return any_alive
 
 
 @helper
@@ -205,19 +208,19 @@ def _simplify_groups(packet: Any, tape: int, groups: int, maybe: int) -> None:
     for lane in range(QUARTERS * VECTOR):
         tapes[lane] = -1
         if lane % VECTOR < groups and ((stored[0, lane] <= 0.0 and stored[1, lane] >= 0.0) or (maybe >> lane) & 1 != 0):
-            known = -1
+            shared_tape = -1
             for k in range(1, ALIKE + 1):
                 other = lane - k
-                fits = known < 0 and other >= 0 and tapes[other] >= 0 and (maybe >> other) & 1 == (maybe >> lane) & 1
+                fits = shared_tape < 0 and other >= 0 and tapes[other] >= 0 and (maybe >> other) & 1 == (maybe >> lane) & 1
                 if fits and same_choices(packet, tape, lane, other):
-                    known = tapes[other]
-            tapes[lane] = known if known >= 0 else simplify_for_lane(packet, tape, lane)
+                    shared_tape = tapes[other]
+            tapes[lane] = shared_tape if shared_tape >= 0 else simplify_for_lane(packet, tape, lane)
 
 
 @helper
 def _set_result_bounds(packet: Any, tape: int) -> None:
     """Bound the result of a long tape that ends with minima and maxima first: known bounds decide more of these."""
-    first, rows = packet.tapes[tape, 0], packet.tapes[tape, 1]
+    first, rows = packet.tapes[tape, FIRST_ROW], packet.tapes[tape, ROW_COUNT]
     if rows < LONG_TAPE or packet.code[first + rows - 1, 6] == 0:
         return
     registers, wide = packet.registers, QUARTERS * VECTOR
@@ -235,7 +238,7 @@ def _set_result_bounds(packet: Any, tape: int) -> None:
     set_known_bounds(packet, 2, QUARTERS, low, high)
     packet.state[0] = 0
     evaluate(packet, BOXES, tape, QUARTERS)
-    out = packet.tapes[tape, 2] * 2 * wide
+    out = packet.tapes[tape, RESULT] * 2 * wide
     for k in range(0, 2 * wide, VECTOR):
         simd.store(packet.inputs, k, simd.load(registers, out + k, VECTOR))
     for k in range(0, 15 * wide, VECTOR):
@@ -257,7 +260,7 @@ def _any_alive(packet: Any, group: int, count: int) -> bool:
 def _store_bounds(packet: Any, tape: int) -> None:
     """Copy the results of `spans32` to `bounds`."""
     rows = QUARTERS * VECTOR
-    out = packet.tapes[tape, 2] * PARTS_OF_SPAN * rows
+    out = packet.tapes[tape, RESULT] * PARTS_OF_SPAN * rows
     for k in range(0, PARTS_OF_SPAN * rows, VECTOR):
         simd.store(packet.bounds, k, simd.load(packet.registers, out + k, VECTOR))
 
@@ -270,36 +273,36 @@ def _trace_group(trace, tape, group, begin, length):
     quarter_inputs(packet, group * VECTOR, begin, length, slack)
     packet.state[0] = 0
     evaluate(packet, BOXES, tape, QUARTERS)
-    maybe, out = packet.state[0], packet.tapes[tape, 2] * 2 * QUARTERS
+    maybe, out = packet.state[0], packet.tapes[tape, RESULT] * 2 * QUARTERS
     for k in range(QUARTERS):  # the registers are reused below
         simd.store(packet.inputs, k * VECTOR, simd.load(packet.registers, (out + k) * VECTOR, VECTOR))
         simd.store(packet.inputs, (QUARTERS + k) * VECTOR, simd.load(packet.registers, (out + QUARTERS + k) * VECTOR, VECTOR))
     for k in range(QUARTERS):
         low, high = simd.load(packet.inputs, k * VECTOR, VECTOR), simd.load(packet.inputs, (QUARTERS + k) * VECTOR, VECTOR)
-        left = simd.bits((low <= 0.0) & (high >= 0.0)) | ((maybe >> (k * VECTOR)) & 0xFFFF)
+        candidates = simd.bits((low <= 0.0) & (high >= 0.0)) | ((maybe >> (k * VECTOR)) & 0xFFFF)
         a = begin + k * length
-        if left & _alive_vectors(trace, group) == 0:
+        if candidates & _alive_vectors(trace, group) == 0:
             continue
         span_input(packet, group * VECTOR, a, length, slack)
         set_known_bounds(packet, PARTS_OF_SPAN, 1, low, high)
         packet.state[0] = 0
         evaluate(packet, SPANS, tape, 1)
-        out = packet.tapes[tape, 2] * PARTS_OF_SPAN * VECTOR
+        out = packet.tapes[tape, RESULT] * PARTS_OF_SPAN * VECTOR
         for part in range(PARTS_OF_SPAN):
             bound = simd.load(packet.registers, out + part * VECTOR, VECTOR)
             simd.store(packet.bounds, (PARTS_OF_SPAN + part) * QUARTERS * VECTOR, bound)
-        listed = _list_vectors(packet, group, left & _alive_vectors(trace, group), packet.state[0], a, length)
+        listed = _list_vectors(packet, group, candidates & _alive_vectors(trace, group), packet.state[0], a, length)
         if listed > 0:
             intersect_vectors(trace, tape, listed, a, a + length)
 
 
 @helper
-def _list_vectors(packet: Any, group: int, left: int, unsure_of: int, a: float, length: float) -> int:
-    """List the vectors of a group, of those in the bits `left`, that may hit the surface in a … a + length; return how many."""
+def _list_vectors(packet: Any, group: int, candidates: int, unsure_of: int, a: float, length: float) -> int:
+    """List the vectors of a group, of those in the bits `candidates`, that may hit the surface in a … a + length; return how many."""
     stored, count = packet.bounds, 0
-    while left != 0:
-        lane = simd.trailing_zeros(left)
-        left &= left - 1
+    while candidates != 0:
+        lane = simd.trailing_zeros(candidates)
+        candidates &= candidates - 1
         unsure = (unsure_of >> lane) & 1 != 0
         if (stored[5, lane] <= 0.0 and stored[6, lane] >= 0.0) or unsure:
             least, most = stored[7, lane], stored[8, lane]

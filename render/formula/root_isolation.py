@@ -22,6 +22,7 @@ from .evaluate import Bounds, RayFunction, bounds_at, value_on
 from .evaluator_calls import interpret
 from .llvm_math import BRANCH_WORD, LANES
 from .scene_surfaces import PROGRAMS
+from .tables import DISCONTINUITY, FIRST_CONSTANT, FIRST_ROW, LARGEST_COORDINATE, RESULT, ROW_COUNT
 
 _FORKS = PROGRAMS.index("forks")
 
@@ -55,11 +56,11 @@ class _Search(NamedTuple):
 class _Front(NamedTuple):
     """The end of the part of a ray that is searched."""
 
-    at: float
-    value: float  # at `at`
+    distance: float
+    value: float  # there
     piece: float  # length of the next pieces
-    open_from: float  # begin of the undecided part before `at`, or -1
-    known: float  # undecided parts, and gaps, that end before this distance need no proof
+    open_from: float  # begin of the undecided part before it, or -1
+    exempt_until: float  # undecided parts, and gaps, that end before this distance need no proof
     doubt: Any  # int64: 1 once an undecided part had no root
 
 
@@ -75,38 +76,38 @@ class _Piece(NamedTuple):
 
 
 @noinline_helper
-def isolate_first_root(ray, a, b, own, begin, sheet, like, most):
+def isolate_first_root(ray, a, b, ray_begin, begin, sheet, like, most):
     """(distance or inf, whether the ray is inside before it, 1 where unproved, rounds used) of the first root of one ray in a … b.
 
-    The ray begins at the distance `own`, its start lies `begin` from its origin, and `most` limits the rounds. A shortest piece is a hit if
-    the sign changes in it, on a sheet only if the formula does not jump. Without a change of sign it is skipped and counts as unproved.
-    Exceptions are pieces next to a root, at the begin of the ray (the surface that it leaves), and at a gap in a solid, such as a face that
-    two parts share.
+    The ray begins at the distance `ray_begin`, its start lies `begin` from its origin, and `most` limits the rounds. A shortest piece is
+    a hit if the sign changes in it, on a sheet only if the formula does not jump. Without a change of sign it is skipped and counts as
+    unproved. Exceptions are pieces next to a root, at the begin of the ray (the surface that it leaves), and at a gap in a solid, such as
+    a face that two parts share.
     """
     s = _search(ray, a, begin, sheet, like)
-    over = min(16.0 * s.finest, _OVERRUN * ray.forms.numbers[ray.k, 13])
-    front = _Front(a, _value(s, a), (b - a) / LANES, -1.0, own + NEIGHBOURS * s.finest, np.int64(0))
+    over = min(16.0 * s.finest, _OVERRUN * ray.forms.numbers[ray.k, LARGEST_COORDINATE])
+    front = _Front(a, _value(s, a), (b - a) / LANES, -1.0, ray_begin + NEIGHBOURS * s.finest, np.int64(0))
     used = 0
     while used < most:
         used += 1
-        if not front.at < b:
+        if not front.distance < b:
             if front.open_from < 0.0 or over == 0.0:
-                return np.inf, False, _close(front, front.at).doubt, used
+                return np.inf, False, _close(front, front.distance).doubt, used
             b, over = b + over, 0.0
-        x = _bound_pieces(s, front.at, max(front.piece, 0.5 * s.finest), b, front.value)
+        x = _bound_pieces(s, front.distance, max(front.piece, 0.5 * s.finest), b, front.value)
         if x.open & 1 == 0:
-            front = _close(front, front.at)
+            front = _close(front, front.distance)
         if x.open == 0:
-            at = front.at + LANES * x.length
-            front = _move(front, at, crosslane.lane(x.far, LANES - 1), min(4.0 * x.length, (b - at) / LANES))
+            searched_to = front.distance + LANES * x.length
+            front = _move(front, searched_to, crosslane.lane(x.far, LANES - 1), min(4.0 * x.length, (b - searched_to) / LANES))
             continue
         j = simd.trailing_zeros(x.open)
         piece = _piece(x, j)
         if piece.changes and ((crosslane.bits(x.monotonic) >> j) & 1) != 0:
             root = _narrow(s, piece.low, piece.high, piece.within)
             return root, piece.within, _doubt_before(front, root, s.finest), used
-        asked = (piece.jumps or ((crosslane.bits(x.bounds.maybe) >> j) & 1) != 0) and (sheet or not piece.changes)
-        if asked and _branches_exclude_root(s, crosslane.lane3(x.p, j), crosslane.lane3(x.q, j), piece.within):
+        check_branches = (piece.jumps or ((crosslane.bits(x.bounds.maybe) >> j) & 1) != 0) and (sheet or not piece.changes)
+        if check_branches and _branches_exclude_root(s, crosslane.lane3(x.p, j), crosslane.lane3(x.q, j), piece.within):
             front = _move(_close(front, piece.low), piece.high, piece.far, piece.high - piece.low)
             continue
         smallest = s.finest if piece.changes or front.open_from < 0.0 else max(s.finest, _COARSER * (piece.low - front.open_from))
@@ -121,7 +122,7 @@ def isolate_first_root(ray, a, b, own, begin, sheet, like, most):
             front = _move(front, piece.high + s.finest, after, max(x.length, s.finest))
         else:
             front = _skip(s, front, piece, x.length)
-    root, within = _sample(s, front.at, b, front.value)
+    root, within = _sample(s, front.distance, b, front.value)
     return root, within, 1, used
 
 
@@ -130,28 +131,28 @@ def _search(ray: RayFunction, a: float, begin: float, sheet: bool, like: Lane) -
     start, direction = ray.start, ray.direction
     o = ops.like3(like, start[0], start[1], start[2])
     d = ops.like3(like, direction[0], direction[1], direction[2])
-    reach = ray.forms.numbers[ray.k, 13] + begin
+    reach = ray.forms.numbers[ray.k, LARGEST_COORDINATE] + begin
     lanes = RayFunction(ray.forms, ray.k, ops.int_like(like, ray.tape), ray.memory, o, d)
     return _Search(ray, lanes, sheet, reach, FINEST * reach, a, like)
 
 
 @helper
-def _value(s: _Search, at: float) -> float:
+def _value(s: _Search, distance: float) -> float:
     """Value at one distance."""
     zero = 0.0 * s.lanes.start[0]
-    return crosslane.lane(value_on(s.lanes, zero + at, ops.bool_like(zero, True)), 0)
+    return crosslane.lane(value_on(s.lanes, zero + distance, ops.bool_like(zero, True)), 0)
 
 
 @helper
-def _move(front: _Front, at: float, value: float, piece: float) -> _Front:
-    return _Front(at, value, piece, front.open_from, front.known, front.doubt)
+def _move(front: _Front, distance: float, value: float, piece: float) -> _Front:
+    return _Front(distance, value, piece, front.open_from, front.exempt_until, front.doubt)
 
 
 @helper
-def _close(front: _Front, at: float) -> _Front:
+def _close(front: _Front, distance: float) -> _Front:
     """End the undecided part at a distance, where it had no root."""
-    doubt = np.int64(1) if front.open_from >= 0.0 and at > front.known else front.doubt
-    return _Front(front.at, front.value, front.piece, -1.0, front.known, doubt)
+    doubt = np.int64(1) if front.open_from >= 0.0 and distance > front.exempt_until else front.doubt
+    return _Front(front.distance, front.value, front.piece, -1.0, front.exempt_until, doubt)
 
 
 @helper
@@ -173,14 +174,14 @@ def _crosses(s: _Search, piece: _Piece) -> tuple[bool, float]:
 @helper
 def _skip(s: _Search, front: _Front, piece: _Piece, length: float) -> _Front:
     """Move behind a shortest piece that stays undecided."""
-    known, open_from = front.known, front.open_from
-    if piece.jumps and not s.sheet and s.ray.forms.places[s.ray.k, 5] == JUMPS:  # a jump of a solid that thin has no inside, nor its sides
-        known = max(known, piece.high + NEIGHBOURS * s.finest)
+    exempt_until, open_from = front.exempt_until, front.open_from
+    if piece.jumps and not s.sheet and s.ray.forms.places[s.ray.k, DISCONTINUITY] == JUMPS:  # too thin for an inside
+        exempt_until = max(exempt_until, piece.high + NEIGHBOURS * s.finest)
         open_from = -1.0 if piece.low - open_from <= NEIGHBOURS * s.finest else open_from
     elif open_from < 0.0:
-        open_from, known = piece.low, max(known, piece.low + GAP * s.finest if piece.within and not s.sheet else 0.0)
+        open_from, exempt_until = piece.low, max(exempt_until, piece.low + GAP * s.finest if piece.within and not s.sheet else 0.0)
     length = max(length, _COARSER * (piece.high - open_from)) if open_from >= 0.0 else s.finest
-    return _Front(piece.high, piece.far, length, open_from, known, front.doubt)
+    return _Front(piece.high, piece.far, length, open_from, exempt_until, front.doubt)
 
 
 class _Pieces(NamedTuple):
@@ -200,10 +201,10 @@ class _Pieces(NamedTuple):
 
 
 @helper
-def _bound_pieces(s: _Search, at: float, length: float, b: float, value: float) -> _Pieces:
-    """Bound the pieces of a length from `at` on, where the formula has a `value`, up to b."""
+def _bound_pieces(s: _Search, distance: float, length: float, b: float, value: float) -> _Pieces:
+    """Bound the pieces of a length from `distance` on, where the formula has a `value`, up to b."""
     number = ops.to_float(crosslane.lane_indices(0))
-    begins, ends = at + number * length, ops.minimum(at + (number + 1.0) * length, 0.0 * number + b)
+    begins, ends = distance + number * length, ops.minimum(distance + (number + 1.0) * length, 0.0 * number + b)
     p, q = ops.along(s.lanes.start, s.lanes.direction, begins), ops.along(s.lanes.start, s.lanes.direction, ends)
     bounds = bounds_at(s.ray.forms, s.ray.k, s.ray.tape, s.ray.memory, p, q, s.lanes.direction)
     far = value_on(s.lanes, ends, ops.bool_like(number, True))
@@ -232,7 +233,7 @@ def _branches_exclude_root(s, p, q, within):
     """Whether the box p … q in which the formula jumps has no root: all branches have one sign, in a solid that of the begin."""
     forms, k, tape, registers = s.ray.forms, s.ray.k, s.ray.tape, s.ray.memory.registers
     state = s.ray.memory.state
-    begin, rows, out = forms.tapes[tape, 0], forms.tapes[tape, 1], 2 * forms.tapes[tape, 2]
+    begin, rows, out = forms.tapes[tape, FIRST_ROW], forms.tapes[tape, ROW_COUNT], 2 * forms.tapes[tape, RESULT]
     for first_branch in range(0, BRANCHES, LANES):
         for axis in range(3):
             a, b = (p[0], q[0]) if axis == 0 else (p[1], q[1]) if axis == 1 else (p[2], q[2])
@@ -241,12 +242,12 @@ def _branches_exclude_root(s, p, q, within):
         simd.write(state, 0, 0)
         for j in range(LANES):
             simd.write(state, BRANCH_WORD + j, _BRANCHES[first_branch + j])
-        interpret(forms.programs[_FORKS], forms.code, begin, rows, registers, forms.constants, forms.places[k, 3], state, 1)
+        interpret(forms.programs[_FORKS], forms.code, begin, rows, registers, forms.constants, forms.places[k, FIRST_CONSTANT], state, 1)
         if simd.read(state, 0) != 0:
             return False
         outside, inside = ops.not_(crosslane.load(registers, out) <= 0.0), crosslane.load(registers, out + 1) < 0.0
-        wanted = outside | inside if s.sheet else inside if within else outside
-        if ops.any_lane(ops.not_(wanted)):
+        excluded = outside | inside if s.sheet else inside if within else outside
+        if ops.any_lane(ops.not_(excluded)):
             return False
     return True
 

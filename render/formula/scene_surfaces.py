@@ -43,11 +43,11 @@ def forms(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Forms:
     surfaces = [Surface(tape_of(tables, g), tables.geometries.parameters[g], tables.geometries.bounds[g]) for g in shown]
     solids = [closed_form_solids.of_geometry(tables, g) if closed else None for g in shown]
     order = np.argsort([solid is not None for solid in solids], kind="stable").tolist()  # surfaces with closed forms last
-    of = np.full(len(kinds), -1, np.int32)
-    of[[shown[row] for row in order]] = np.arange(len(shown))
+    surface_of = np.full(len(kinds), -1, np.int32)
+    surface_of[[shown[row] for row in order]] = np.arange(len(shown))
     gridded = of_surfaces([surfaces[row] for row in order if solids[row] is None], threads)
     closed_surfaces = [(surfaces[row], solid) for row in order if (solid := solids[row]) is not None]
-    return closed_form_tables.append_closed_forms(gridded._replace(of=of), closed_surfaces)
+    return closed_form_tables.append_closed_forms(gridded._replace(surface_of=surface_of), closed_surfaces)
 
 
 def of_surfaces(surfaces: Sequence[Surface], threads: int = 1) -> Forms:
@@ -93,7 +93,7 @@ def _build(surfaces: Sequence[Surface]) -> Forms:
         ends[[END_BLOCKS, END_TAPES]] = k + 1
         ends[END_ROWS] += len(wholes[k])
     return Forms(
-        of=np.arange(n, dtype=np.int32),
+        surface_of=np.arange(n, dtype=np.int32),
         numbers=numbers,
         places=places,
         compiled=tape_jit.addresses([tape for tape, _, _ in surfaces]),

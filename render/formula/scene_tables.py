@@ -15,4 +15,4 @@ def build_tables(tables: ir.Tables, closed: bool = True, threads: int = 1) -> Fo
         from . import scene_surfaces
 
         return scene_surfaces.forms(tables, closed, threads)
-    return NO_FORMS._replace(of=np.full(len(kinds), -1, np.int32))
+    return NO_FORMS._replace(surface_of=np.full(len(kinds), -1, np.int32))

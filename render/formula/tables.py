@@ -23,6 +23,10 @@ class Surface(NamedTuple):
     bounds: NDArray[np.float64]
 
 
+HIGH, CELLS_PER_UNIT, BALL_CENTER, BALL_RADIUS, LARGEST_COORDINATE = 3, 6, 9, 12, 13  # columns of Forms.numbers
+CELLS_ALONG, IS_SHEET, FIRST_CELL, FIRST_CONSTANT, WHOLE_TAPE, DISCONTINUITY = range(6)  # columns of Forms.places
+FIRST_ROW, ROW_COUNT, RESULT = range(3)  # columns of Forms.tapes
+FIRST_STEP, STEP_COUNT, FIRST_LEAF = range(3)  # columns of ClosedForms.places
 END_BLOCKS, END_LEAVES, END_TAPES, END_ROWS = range(4)
 QUADRIC, LINEAR, TORUS, HOLE = 0, 1, 2, 3  # kinds of leaves; a hole is the complement of a torus
 NUMBERS = 16  # of a leaf: coefficients of x², y², z², xy, yz, xz, x, y, z and 1; of a torus its frame, major and minor radius
@@ -55,7 +59,7 @@ class Forms(NamedTuple):
     Tapes, rows, blocks and leaves grow; `ends` counts them.
     """
 
-    of: NDArray[np.int32]  # (geometries,) row of a surface, or −1
+    surface_of: NDArray[np.int32]  # (geometries,) row of a surface, or −1
     numbers: NDArray[np.float64]  # (n, 14)
     places: NDArray[np.int64]  # (n, 6)
     compiled: NDArray[np.int64]  # (n, 3) addresses of the whole tapes' compiled points, gradients and points32; 0: not yet
@@ -77,7 +81,7 @@ class Forms(NamedTuple):
 
 _ROWS, _NUMBERS, _FLOATS = np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0)
 NO_FORMS = Forms(
-    of=_ROWS, numbers=np.zeros((0, 14)), places=np.zeros((0, 6), np.int64), compiled=np.zeros((0, 3), np.int64), grid=_ROWS,
+    surface_of=_ROWS, numbers=np.zeros((0, 14)), places=np.zeros((0, 6), np.int64), compiled=np.zeros((0, 3), np.int64), grid=_ROWS,
     blocks=np.zeros((0, 5), np.int64), states=_NUMBERS, ends=_NUMBERS, leaf_tape=_ROWS, leaf_slopes=np.zeros((0, 6)),
     tapes=np.zeros((0, 4), np.int64), names=np.zeros((0, 4), np.int32), code=np.zeros((0, ROW), np.int32), constants=_FLOATS,
     constants32=np.zeros(0, np.float32), programs=_NUMBERS, unproved=np.zeros(1, np.int64), parts=NO_CLOSED_FORMS,
@@ -86,5 +90,5 @@ NO_FORMS = Forms(
 
 def have_cells(forms: Forms) -> NDArray[np.bool_]:
     """(geometries,) mask of surfaces that are intersected by interval bounds in cells, not by closed forms."""
-    rows = np.maximum(forms.of, 0)
-    return (forms.of >= 0) & (forms.parts.places[rows, 1] == 0) if len(forms.places) else forms.of >= 0
+    rows = np.maximum(forms.surface_of, 0)
+    return (forms.surface_of >= 0) & (forms.parts.places[rows, STEP_COUNT] == 0) if len(forms.places) else forms.surface_of >= 0

@@ -142,16 +142,16 @@ def module_of(tape: Tape) -> ir.Module:
         inputs, constants, out = function.args
         b = ir.IRBuilder(function.append_basic_block("entry"))
         m, width = VectorMath(b), WIDTHS[program]
-        zero, one = (m.everywhere(number) for number in (0.0, 1.0))
-        given = []
+        zeros, ones = (m.everywhere(number) for number in (0.0, 1.0))
+        variables = []
         for axis in range(3):
-            derivatives = [one if k == axis else zero for k in range(width - 1)]
-            given.append([load(b, inputs, axis * width * BYTES), *derivatives])
+            derivatives = [ones if k == axis else zeros for k in range(width - 1)]
+            variables.append([load(b, inputs, axis * width * BYTES), *derivatives])
 
-        def constant(k: int, b: Any = b, constants: Any = constants, rest: Any = (zero,) * (width - 1)) -> Any:
-            return [load(b, constants, k * PARTS * BYTES), *rest]
+        def constant(k: int, b: Any = b, constants: Any = constants, zero_slopes: Any = (zeros,) * (width - 1)) -> Any:
+            return [load(b, constants, k * PARTS * BYTES), *zero_slopes]
 
-        for k, part in enumerate(_emit_tape(tape, program, m, given, constant)):
+        for k, part in enumerate(_emit_tape(tape, program, m, variables, constant)):
             store(b, out, k * BYTES, part)
         b.ret_void()
     if len(tape.code) <= MAX_ROWS_32:
@@ -169,18 +169,18 @@ def _add_rows(module: ir.Module, tape: Tape) -> None:
 
     def vector(k: Any) -> None:
         offset = b.mul(k, ir.Constant(I64, size))
-        given = [[load(b, inputs, b.add(offset, b.mul(stride, ir.Constant(I64, axis))), SINGLE)] for axis in range(3)]
+        variables = [[load(b, inputs, b.add(offset, b.mul(stride, ir.Constant(I64, axis))), SINGLE)] for axis in range(3)]
         m = VectorMath(b, form=SINGLE)
-        (value,) = _emit_tape(tape, program, m, given, lambda k: [load(b, constants, (k * PARTS + SHIFTS[program]) * size, SINGLE)])
+        (value,) = _emit_tape(tape, program, m, variables, lambda k: [load(b, constants, (k * PARTS + SHIFTS[program]) * size, SINGLE)])
         store(b, out, offset, value)
 
     over_vectors(b, vectors, vector)
     b.ret_void()
 
 
-def _emit_tape(tape: Tape, program: str, m: VectorMath, given: list[Any], constant: Callable[[int], Any]) -> Any:
+def _emit_tape(tape: Tape, program: str, m: VectorMath, variables: list[Any], constant: Callable[[int], Any]) -> Any:
     """Emit a tape for its inputs; return its result."""
-    values = list(given)
+    values = list(variables)
 
     def operand(name: int) -> Any:
         return values[name] if name >= 0 else constant(~name)

@@ -172,7 +172,7 @@ def camera_rays(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 def bundled(tables: Any, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """t of rays that go as bundles."""
-    surface = int(tables.forms.of[int(tables.instance_rows[0, 2])])
+    surface = int(tables.forms.surface_of[int(tables.instance_rows[0, 2])])
     room, columns, n = Handle(packet_memory.allocate(tables.forms, surface)), packet_state.ray_columns(o, d, 0.0, np.inf), len(o)
     out = np.full(n, np.inf), np.full(n, -1), np.zeros(n, np.int64), np.zeros(n), np.zeros(n)
     assert packets.trace(room, columns, 0, n, np.ascontiguousarray(tables.inverse[0, :3]), packets.HitColumns(*out, 0)) == n

@@ -109,7 +109,7 @@ class CameraPackets:
     def _states(self) -> list[Handle]:
         """The states of the surfaces, one for each geometry."""
         geometries = sorted(set(self.geometries.tolist()))
-        states = packet_memory.allocate_shared(self.forms, [int(self.forms.of[g]) for g in geometries])
+        states = packet_memory.allocate_shared(self.forms, [int(self.forms.surface_of[g]) for g in geometries])
         made = dict(zip(geometries, map(Handle, states), strict=True))
         return [made[g] for g in self.geometries.tolist()]
 

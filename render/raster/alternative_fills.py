@@ -30,16 +30,18 @@ class ClusterRasterizer:
         by_polygon = how == coverage.SCANLINE
         if by_polygon:
             scalar_raster.flat_polygons(packed, self.flat)
-        found = view_geometry.clusters(model, ranges, tables, view, margin, by_polygon)
-        self.box, self.whole, self.clusters = found.box, found.polygons, Handle(found)
+        clusters = view_geometry.clusters(model, ranges, tables, view, margin, by_polygon)
+        self.box, self.by_polygon, self.clusters = clusters.box, clusters.polygons, Handle(clusters)
 
     def draw(self, tile: Tile, scratch: Handle) -> None:
         """Draw the clusters that overlap a tile into its scratch."""
         box = self.box
-        here = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
-        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(here & ~self.whole), tile, self.how, scratch)
-        if self.whole.any():
-            scalar_raster.draw_polygons(self.model, self.clusters, np.flatnonzero(here & self.whole), self.packed, self.flat, tile, scratch)
+        overlaps = (box[:, 0] < tile.x1) & (box[:, 2] > tile.x0) & (box[:, 1] < tile.y1) & (box[:, 3] > tile.y0)
+        scalar_raster.draw_triangles(self.model, self.clusters, np.flatnonzero(overlaps & ~self.by_polygon), tile, self.how, scratch)
+        if self.by_polygon.any():
+            scalar_raster.draw_polygons(
+                self.model, self.clusters, np.flatnonzero(overlaps & self.by_polygon), self.packed, self.flat, tile, scratch
+            )
 
 
 class AlternativeFill:

@@ -40,13 +40,13 @@ class BufferPool:
 
     def picture(self, shape: tuple[int, int, int]) -> NDArray[np.float32]:
         """An uninitialized picture: an earlier one that nobody references, or a new one."""
-        for made in self._pictures:
-            if made.shape == shape and sys.getrefcount(made.base) <= UNUSED:
-                return made[:]
-        made = aligned_empty(shape, np.float32)
-        if made.nbytes <= PICTURE_BYTES:
-            self._pictures[:] = [*self._pictures[-1:], made]
-        return made[:]
+        for picture in self._pictures:
+            if picture.shape == shape and sys.getrefcount(picture.base) <= UNUSED:
+                return picture[:]
+        picture = aligned_empty(shape, np.float32)
+        if picture.nbytes <= PICTURE_BYTES:
+            self._pictures[:] = [*self._pictures[-1:], picture]
+        return picture[:]
 
 
 class BufferSize(NamedTuple):
@@ -77,27 +77,29 @@ class BandMemory:
         self._pass: Pass | None = None
         self._visible: Handle | None = None
 
-    def bind(self, picture: object, prepared: Any, visible: Handle, one: Pass) -> None:
+    def bind(self, picture: object, prepared: Any, visible: Handle, raster_pass: Pass) -> None:
         """Set the kernels' arguments for a pass of a picture; `picture` is a token of the picture, compared by identity."""
         if self.planes is not None and self._picture is not picture:
             triangle_planes.clear(self.planes.tables)
-        if self._pass is not one:
-            self._bind_pass(prepared, visible, one)
+        if self._pass is not raster_pass:
+            self._bind_pass(prepared, visible, raster_pass)
         elif self._visible is not visible:
             for handle in (self.filling, self.shading):
                 handle.point("visible", visible)
-        self._picture, self._pass, self._visible = picture, one, visible
+        self._picture, self._pass, self._visible = picture, raster_pass, visible
 
-    def _bind_pass(self, prepared: Any, visible: Handle, one: Pass) -> None:
+    def _bind_pass(self, prepared: Any, visible: Handle, raster_pass: Pass) -> None:
         scene = prepared.raster
-        self.filling = Handle(band_buffer.Filling(scene.projection, one.places, scene.meshlets, visible, self.band))
+        self.filling = Handle(band_buffer.Filling(scene.projection, raster_pass.places, scene.meshlets, visible, self.band))
         if self.planes is not None:
             self.shading = Handle(deferred_shading.Shading(
-                scene.projection, one.places, scene.meshlets, visible, scene.shading_tables, scene.sources, scene.rays, one.weights,
+                scene.projection, raster_pass.places, scene.meshlets, visible, scene.shading_tables, scene.sources, scene.rays,
+                raster_pass.weights,
                 self.band, self.planes, self.fragments, self.points,
             ))  # fmt: skip
         elif self.stack is not None:
             self.shading = Handle(integrator_shading.IntegratorShading(
-                scene.model, one.places, scene.meshlets, visible, prepared.packed, prepared.accel, prepared.vertex_light, prepared.frame,
-                one.weights, self.band, self.fragments, self.stack,
+                scene.model, raster_pass.places, scene.meshlets, visible, prepared.packed, prepared.accel, prepared.vertex_light,
+                prepared.frame,
+                raster_pass.weights, self.band, self.fragments, self.stack,
             ))  # fmt: skip

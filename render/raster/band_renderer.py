@@ -81,7 +81,10 @@ class BandRenderer:
         self._picture = object()
         columns, most = x1 - (x0 & ~3) + 2 * self.margin, len(self.visible.tables.instance)
         kinds = self.float32, scene.textured is not None, scene.colored is not None
-        self.sizes = [band_memory.BufferSize(columns, self.rows + 2 * self.margin, len(one.pattern.x), *kinds, most) for one in self.passes]
+        self.sizes = [
+            band_memory.BufferSize(columns, self.rows + 2 * self.margin, len(raster_pass.pattern.x), *kinds, most)
+            for raster_pass in self.passes
+        ]
         self._queue = None
         single = len(self.passes) == 1 and self.fill is None and not len(scene.untessellated)
         if self.float32 and single and self.visible.tables.count[0] > 0:
@@ -99,8 +102,8 @@ class BandRenderer:
         least = max((EPSILON * float(luminance(light).mean())) ** 2, float(np.finfo(np.float64).tiny))
         around = light.copy()
         for axis in (0, 1):
-            there = np.pad(around, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
-            around = sum(there.take(range(k, k + light.shape[axis]), axis) for k in range(3)) / 3.0
+            padded = np.pad(around, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge")
+            around = sum(padded.take(range(k, k + light.shape[axis]), axis) for k in range(3)) / 3.0
         scale = np.minimum(np.abs(light), np.abs(around))  # a single bright sample must not hide its own error
         return float(np.sqrt(np.mean(np.square(self.half_difference, dtype=np.float64) / (scale * scale + least))))
 
@@ -118,14 +121,14 @@ class BandRenderer:
         """Draw all passes of a band."""
         top, bottom = self._row_range(number)
         window, issues = slice(top - self.corners[1], bottom - self.corners[1]), 0
-        for k, one in enumerate(self.passes):
+        for k, raster_pass in enumerate(self.passes):
             if self.half_difference is not None and k == self.half:
                 self.half_difference[window] = self.rgba[window, :, :3]
             with self._memory(k) as memory:
-                issues += self._draw_pass(number, memory, one, top, bottom)
+                issues += self._draw_pass(number, memory, raster_pass, top, bottom)
         if self.half_difference is not None:
             # T = h A + (1 - h) B of independent halves A, B has the error √(h (1 - h)) (A - B)
-            h = self.passes[self.half].first / sum(len(one.pattern.x) for one in self.passes)
+            h = self.passes[self.half].first / sum(len(raster_pass.pattern.x) for raster_pass in self.passes)
             self.half_difference[window] = (self.half_difference[window] - h * self.rgba[window, :, :3]) / np.sqrt(h * (1.0 - h))
         self._composite(number)
         return issues
@@ -157,7 +160,7 @@ class BandRenderer:
         """The first row of a band's pixels, and the end."""
         return max((self.first + number) * self.rows, self.corners[1]), min((self.first + number + 1) * self.rows, self.corners[3])
 
-    def _draw_pass(self, number: int, memory: band_memory.BandMemory, one: Pass, top: int, bottom: int) -> int:
+    def _draw_pass(self, number: int, memory: band_memory.BandMemory, raster_pass: Pass, top: int, bottom: int) -> int:
         """Draw one pass of a band, pixel rows `top` to `bottom`; returns the number of fragments not finite."""
         _, y0, _, _ = self.corners
         band = memory.band.tables
@@ -167,20 +170,20 @@ class BandRenderer:
         if self.fill is None:
             triangle_setup.draw_band(memory.filling, number)
         else:
-            self.fill.draw(memory.band, one.pattern, visible.tables)
+            self.fill.draw(memory.band, raster_pass.pattern, visible.tables)
         p = self.prepared
-        here = np.flatnonzero((scene.boxes[:, 1] < band.clip[3]) & (scene.boxes[:, 3] > band.clip[1])) if len(scene.untessellated) else ()
-        if len(here):
+        shown = np.flatnonzero((scene.boxes[:, 1] < band.clip[3]) & (scene.boxes[:, 3] > band.clip[1])) if len(scene.untessellated) else ()
+        if len(shown):
             integrator_shading.draw_untessellated(
-                scene.model, scene.untessellated[here], scene.boxes[here], p.packed, p.accel, self.view, one.places, memory.band
+                scene.model, scene.untessellated[shown], scene.boxes[shown], p.packed, p.accel, self.view, raster_pass.places, memory.band
             )
         if self.float32 and visible.tables.count[0] > 0:
-            how = self.per_sample, one.first == 0, scene.textured, scene.colored, scene.flat
+            how = self.per_sample, raster_pass.first == 0, scene.textured, scene.colored, scene.flat
             deferred_shading.shade_band(memory.shading, *how, self.crop, self.rgba)
-        elif one.first == 0:
+        elif raster_pass.first == 0:
             self.rgba[top - y0 : bottom - y0] = 0.0
         if not self.float32:
-            integrator_shading.shade_band(memory.shading, self.per_sample, one.first, self.crop, self.rgba)
+            integrator_shading.shade_band(memory.shading, self.per_sample, raster_pass.first, self.crop, self.rgba)
         return int(memory.fragments.tables.counts[3])
 
     def _composite(self, number: int) -> None:

@@ -61,8 +61,8 @@ class BandQueue:
         fill = compiled_address(triangle_setup.draw_band, filling.type, INT64)
         shade = compiled_address(deferred_shading.shade_band, shading.type, *self.kinds)
         numbers = np.empty(self.most, np.int64)
-        found, issues = draw_bands(fill, shade, filling, shading, self.layout, self.output, self.next_band, numbers)
-        return numbers[:found], issues
+        drawn, issues = draw_bands(fill, shade, filling, shading, self.layout, self.output, self.next_band, numbers)
+        return numbers[:drawn], issues
 
 
 @helper
@@ -81,8 +81,8 @@ def draw_bands(fill, shade, filling, shading, layout, output, next_band, numbers
     `fill` and `shade` are addresses of triangle_setup.draw_band and deferred_shading.shade_band, `next_band` a counter that all threads
     share. Returns how many bands were drawn, and how many of their fragments were not finite.
     """
-    found = issues = 0
-    while found < len(numbers):
+    drawn = issues = 0
+    while drawn < len(numbers):
         number = fetch_add(next_band, 0, 1)
         if number >= layout.count:
             break
@@ -90,6 +90,6 @@ def draw_bands(fill, shade, filling, shading, layout, output, next_band, numbers
         call_fill(fill, (filling, number))
         call_shade(shade, (shading, output.per_sample, True, output.textured, output.colored, output.flat, output.crop, output.rgba))
         issues += shading.fragments.counts[3]
-        numbers[found] = number
-        found += 1
-    return found, issues
+        numbers[drawn] = number
+        drawn += 1
+    return drawn, issues

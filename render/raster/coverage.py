@@ -57,7 +57,7 @@ def inside_areas(ax: int, ay: int, bx: int, by: int, cx: int, cy: int, px: int, 
 
 
 @helper
-def crossings(loop_x, loop_y, first: int, count: int, y: int, out, found: int) -> int:
+def crossings(loop_x, loop_y, first: int, count: int, y: int, out, crossing_count: int) -> int:
     """Insert the x of each crossing of line y with a closed loop into the sorted list out[:found]; returns its new length.
 
     Each x is rounded up to the next fixed-point unit: a sample px lies on the crossing or right of it iff px >= x.
@@ -69,19 +69,19 @@ def crossings(loop_x, loop_y, first: int, count: int, y: int, out, found: int) -
             continue
         x0, x1 = loop_x[start], loop_x[end]
         x = x0 - ((y - y0) * (x0 - x1)) // (y1 - y0)  # -(-a // b) is a / b rounded up
-        place = found
+        place = crossing_count
         while place > 0 and out[place - 1] > x:  # insertion sort: the lists are short
             out[place] = out[place - 1]
             place -= 1
         out[place] = x
-        found += 1
-    return found
+        crossing_count += 1
+    return crossing_count
 
 
 @helper
-def inside_crossings(sorted_x, found: int, px: int) -> bool:
+def inside_crossings(sorted_x, crossing_count: int, px: int) -> bool:
     """Whether a sample is inside by the even-odd rule: an odd number of crossings at it or left of it."""
     passed = 0
-    while passed < found and sorted_x[passed] <= px:
+    while passed < crossing_count and sorted_x[passed] <= px:
         passed += 1
     return passed % 2 == 1

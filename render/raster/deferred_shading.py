@@ -88,9 +88,9 @@ def light_sources(tables: ir.Tables) -> LightSources:
     return LightSources(np.array(lights.ambient(tables), np.float32), rows, ~near, direction, color, bare)
 
 
-def shades_flat_runs(tables: ir.Tables, known: LightSources, textured: bool) -> bool:
+def shades_flat_runs(tables: ir.Tables, sources: LightSources, textured: bool) -> bool:
     """Whether flat triangles are shaded run by run: only far lights, no textures, no layered materials."""
-    return known.bare and not textured and not isinstance(tables.materials, principled.Layered)
+    return sources.bare and not textured and not isinstance(tables.materials, principled.Layered)
 
 
 class Shading(NamedTuple):
@@ -124,25 +124,25 @@ def shade_band(shading, per_sample, first_pass, textured, colored, flat_runs, cr
     if first_pass and not single_pixel:
         fragments.clear_rows(rgba, band, crop, band.rows[0], band.rows[1])
     middle = fragments.mean_position(shading.pattern)
-    known, shader = -1, uniform_shader(shading.tables, 0)
+    shaded_instance, shader = -1, uniform_shader(shading.tables, 0)
     for row in range(band.window[3] >> 2):
         triangle_planes.reserve(cache, buffer.half)
         fragments.build_fragments(shading.pattern, per_sample, single_pixel, cache, band, row, buffer)
         plane_setup.setup_planes(shading, textured, colored)
         y = band.window[1] + 4 * row
-        whole, part, even = buffer.counts[0], buffer.counts[1], buffer.counts[2]
-        full = single_pixel and whole + 16 * even >= 4 * (crop[2] - crop[0])
+        full_fragments, part, even = buffer.counts[0], buffer.counts[1], buffer.counts[2]
+        full = single_pixel and full_fragments + 16 * even >= 4 * (crop[2] - crop[0])
         if single_pixel and not full:
             fragments.clear_rows(rgba, band, crop, y, y + 4)
-        group, groups = 0, even + ((whole + part + 15) >> 4)
+        group, groups = 0, even + ((full_fragments + part + 15) >> 4)
         while group < groups:
             if group < even:
                 start = group
                 group, count = spans.interpolate_run(shading, textured, colored, flat_runs, group, y, middle)
                 if flat_runs is not None and group == start:
                     i = spans.instance_of(shading, simd.read(buffer.blocks, group))
-                    if i != known:
-                        known, shader = i, uniform_shader(shading.tables, i)
+                    if i != shaded_instance:
+                        shaded_instance, shader = i, uniform_shader(shading.tables, i)
                     group = spans.shade_flat_run(shading, shader, group, y, middle, crop, full, rgba)
                     continue
             else:
@@ -152,8 +152,8 @@ def shade_band(shading, per_sample, first_pass, textured, colored, flat_runs, cr
                 i, last = shading.points.instance[first], first + 1
                 while last < count and shading.points.instance[last] == i:
                     last += 1
-                if i != known:
-                    known, shader = i, uniform_shader(shading.tables, i)
+                if i != shaded_instance:
+                    shaded_instance, shader = i, uniform_shader(shading.tables, i)
                 shade_points(shading, textured, colored, i, shader, first, last)
                 first = last
             write_points(shading, count, y, crop, full, rgba)
@@ -171,27 +171,27 @@ def interpolate_fragments(shading: Any, textured: Any, colored: Any, group: int,
     while group < groups and count <= CAPACITY - MOST_POINTS:
         start = fragments.fragment_start(buffer, group)
         rows = simd.load(buffer.rows, start, simd.i32x16)
-        there = simd.first_lanes(buffer.half + buffer.counts[1] - start, rows)
-        rows = simd.select(there, rows, simd.read(buffer.rows, start))
+        exists = simd.first_lanes(buffer.half + buffer.counts[1] - start, rows)
+        rows = simd.select(exists, rows, simd.read(buffer.rows, start))
         at_x = simd.to_f32(simd.load(buffer.at_x, start, simd.i32x16)) * np.float32(1.0 / 256.0)
         at_y = simd.to_f32(simd.load(buffer.at_y, start, simd.i32x16)) * np.float32(1.0 / 256.0)
         record = triangle_planes.gather_records(cache, textured, colored, rows)
         point = triangle_planes.interpolate(projection, textured, colored, record, at_x, at_y)
         instances, single = triangle_planes.instances(record), triangle_planes.are_precise(record)
         i = simd.lane(instances, 0)
-        rest = single | (instances != i)
-        store_point(shading, textured, colored, count, point, at_x, at_y, i, ~rest, group)
+        pending = single | (instances != i)
+        store_point(shading, textured, colored, count, point, at_x, at_y, i, ~pending, group)
         count += 1
-        while simd.any_of(rest):
-            first = simd.trailing_zeros(simd.bits(rest))
+        while simd.any_of(pending):
+            first = simd.trailing_zeros(simd.bits(pending))
             i, face = simd.lane(instances, first), simd.lane(rows, first)
-            here, other = rest & (instances == i) & ~single, point
+            lanes, other = pending & (instances == i) & ~single, point
             if simd.bits(single) >> first & 1:
-                here = rest & (rows == face)
+                lanes = pending & (rows == face)
                 other = precise_planes.interpolate(shading, textured, colored, i, face, at_x, at_y)
-            store_point(shading, textured, colored, count, other, at_x, at_y, i, here, group)
+            store_point(shading, textured, colored, count, other, at_x, at_y, i, lanes, group)
             count += 1
-            rest = rest & ~here
+            pending = pending & ~lanes
         group += 1
     return group, count
 
@@ -203,10 +203,10 @@ def interpolate_fragments(shading: Any, textured: Any, colored: Any, group: int,
 def uniform_shader(tables, i):
     """The shader of an instance, as scalars; meaningless for textured instances."""
     none = (0.0, 0.0, 0.0)
-    plain = Surface(
+    surface = Surface(
         none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None, None
     )
-    return crosslane.narrow(evaluate_shader(tables, plain))
+    return crosslane.narrow(evaluate_shader(tables, surface))
 
 
 @helper
@@ -226,8 +226,8 @@ def textured_surface(shading: Any, colored: Any, i: int, k: int) -> Surface:
     """Point k of instance i as a Surface, for texture lookups."""
     tables, points = shading.tables, shading.points
     normal, zero = get3(points, k, NORMAL), simd.f32x16(0.0)
-    one = zero + 1.0
-    position, local, outward, color, metric = (zero, zero, zero), (zero, zero, zero), normal, (one, one, one), (one, one)
+    ones = zero + 1.0
+    position, local, outward, color, metric = (zero, zero, zero), (zero, zero, zero), normal, (ones, ones, ones), (ones, ones)
     if colored is not None:
         position, outward = get3(points, k, POSITION), ops.normalize(get3(points, k, OUTWARD))
         local, metric = affine.transform_point(shading.rays.local, i, position), get2(points, k, METRIC)
@@ -276,13 +276,13 @@ def write_points(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: 
     points, buffer = shading.points, shading.fragments
     k = 0
     while k < count:
-        group, here = simd.read(points.group, k), simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0))
+        group, lanes = simd.read(points.group, k), simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0))
         color = get3(points, k, RADIANCE)
-        red, green, blue = simd.select(here, color[0], 0.0), simd.select(here, color[1], 0.0), simd.select(here, color[2], 0.0)
+        red, green, blue = simd.select(lanes, color[0], 0.0), simd.select(lanes, color[1], 0.0), simd.select(lanes, color[2], 0.0)
         k += 1
         while k < count and simd.read(points.group, k) == group:  # other instances of the same sixteen fragments
-            here, color = simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0)), get3(points, k, RADIANCE)
-            red, green, blue = simd.select(here, color[0], red), simd.select(here, color[1], green), simd.select(here, color[2], blue)
+            lanes, color = simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0)), get3(points, k, RADIANCE)
+            red, green, blue = simd.select(lanes, color[0], red), simd.select(lanes, color[1], green), simd.select(lanes, color[2], blue)
             k += 1
         if group < buffer.counts[2]:
             rows = fragments.to_rgba_rows(red, green, blue, 16, buffer)
@@ -292,6 +292,6 @@ def write_points(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: 
         if start < buffer.half:
             fragments.write_block(fragments.to_rgba_rows(red, green, blue, 16, buffer), simd.read(buffer.x, start), y, crop, full, rgba)
         else:
-            left = min(buffer.half + buffer.counts[1] - start, 16)
-            fragments.store_fragment_light(buffer.light, fragments.to_rgba_rows(red, green, blue, left, buffer))
-            fragments.resolve_fragments(shading.pattern, shading.splat, shading.band, buffer, start, left, crop, rgba)
+            fragment_count = min(buffer.half + buffer.counts[1] - start, 16)
+            fragments.store_fragment_light(buffer.light, fragments.to_rgba_rows(red, green, blue, fragment_count, buffer))
+            fragments.resolve_fragments(shading.pattern, shading.splat, shading.band, buffer, start, fragment_count, crop, rgba)

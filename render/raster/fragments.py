@@ -84,60 +84,60 @@ def build_fragments(pattern, per_sample, single_pixel, cache, band, row, buffer)
     column, line = in_block(simd.iota(simd.i32x16(0)))
     y = line + (band.window[1] + 4 * row)
     inside_y = (y >= band.clip[1]) & (y < band.clip[3])
-    whole, part, even = 0, buffer.half, 0
+    full_fragments, part, even = 0, buffer.half, 0
     for block in range(columns):
-        at = (row * columns + block) * samples * 16
-        ids = simd.load_aligned(band.ids, at, simd.i32x16)
+        block_start = (row * columns + block) * samples * 16
+        ids = simd.load_aligned(band.ids, block_start, simd.i32x16)
         if samples == 1 and simd.none_of(ids >= 0):
             continue
-        left = band.window[0] + 4 * block
-        x = column + left
+        block_x = band.window[0] + 4 * block
+        x = column + block_x
         inside = inside_y & (x >= band.clip[0]) & (x < band.clip[2])
         if cache is not None and single_pixel and not per_sample:
-            one = simd.lane(ids, 0)
-            if covers_block(band, at, samples, inside, one):
-                buffer.blocks[even], buffer.block_x[even] = triangle_planes.find_row(cache, one), left
+            triangle = simd.lane(ids, 0)
+            if covers_block(band, block_start, samples, inside, triangle):
+                buffer.blocks[even], buffer.block_x[even] = triangle_planes.find_row(cache, triangle), block_x
                 even += 1
                 continue
         for s in range(samples):
-            ids = simd.load_aligned(band.ids, at + 16 * s, simd.i32x16)
+            ids = simd.load_aligned(band.ids, block_start + 16 * s, simd.i32x16)
             active = inside & (ids >= 0)
             for t in range(0 if per_sample else s):
-                active = active & (ids != simd.load_aligned(band.ids, at + 16 * t, simd.i32x16))
+                active = active & (ids != simd.load_aligned(band.ids, block_start + 16 * t, simd.i32x16))
             if simd.none_of(active):
                 continue
-            bits, at_x, at_y = merge_samples(pattern, per_sample, band, at, s, ids)
+            bits, at_x, at_y = merge_samples(pattern, per_sample, band, block_start, s, ids)
             rows = ids
             if cache is not None:
-                rows = triangle_planes.find_rows(cache, band.ids, at + 16 * s, active)
+                rows = triangle_planes.find_rows(cache, band.ids, block_start + 16 * s, active)
             fragment = Fragment(rows, x, y, bits, at_x + (x << 8), at_y + (y << 8))
             if samples == 1 and simd.all_of(active):
-                store_fragments(buffer, cache, whole, fragment)
-                whole += 16
+                store_fragments(buffer, cache, full_fragments, fragment)
+                full_fragments += 16
             else:
                 part += append_fragments(buffer, cache, part, fragment, active)
-    buffer.counts[0], buffer.counts[1], buffer.counts[2] = whole, part - buffer.half, even
+    buffer.counts[0], buffer.counts[1], buffer.counts[2] = full_fragments, part - buffer.half, even
 
 
 @helper
-def covers_block(band: Any, at: int, samples: int, inside: Lane, number: int) -> bool:
-    """Whether triangle `number` covers all samples of the block from place `at` on, inside the clip rectangle."""
-    ids = simd.load_aligned(band.ids, at, simd.i32x16)
+def covers_block(band: Any, block_start: int, samples: int, inside: Lane, number: int) -> bool:
+    """Whether triangle `number` covers all samples of the block from place `block_start` on, inside the clip rectangle."""
+    ids = simd.load_aligned(band.ids, block_start, simd.i32x16)
     same = inside & (ids == number) & (ids >= 0)
     for s in range(1, samples):
-        same = same & (simd.load_aligned(band.ids, at + 16 * s, simd.i32x16) == number)
+        same = same & (simd.load_aligned(band.ids, block_start + 16 * s, simd.i32x16) == number)
     return simd.all_of(same)
 
 
 @helper
-def merge_samples(pattern: Any, per_sample: bool, band: Any, at: int, s: int, ids: Lane) -> tuple[Lane, Lane, Lane]:
+def merge_samples(pattern: Any, per_sample: bool, band: Any, block_start: int, s: int, ids: Lane) -> tuple[Lane, Lane, Lane]:
     """The samples from `s` on that see triangles `ids`, as bits, and their mean position; with `per_sample`, sample s alone."""
     samples = len(pattern.x)
     bits, count = simd.i32x16(1 << s), simd.i32x16(1)
     at_x, at_y = simd.i32x16(pattern.x[s]), simd.i32x16(pattern.y[s])
     if not per_sample and samples > 1:
         for t in range(s + 1, samples):
-            too = ids == simd.load_aligned(band.ids, at + 16 * t, simd.i32x16)
+            too = ids == simd.load_aligned(band.ids, block_start + 16 * t, simd.i32x16)
             bits, count = simd.select(too, bits | (1 << t), bits), simd.select(too, count + 1, count)
             at_x, at_y = simd.select(too, at_x + pattern.x[t], at_x), simd.select(too, at_y + pattern.y[t], at_y)
         at_x, at_y = rounded_mean(at_x, count), rounded_mean(at_y, count)

@@ -97,10 +97,10 @@ def shade_fragments(shading, sample, start, count):
 @helper
 def lowest_bit(bits: Lane) -> Lane:
     """The number of the lowest set bit of sixteen."""
-    found = bits * 0
+    position = bits * 0
     for k in range(1, 16):
-        found = found + ops.where((bits & ((1 << k) - 1)) == 0, 1, 0)
-    return found
+        position = position + ops.where((bits & ((1 << k) - 1)) == 0, 1, 0)
+    return position
 
 
 @kernel

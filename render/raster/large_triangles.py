@@ -69,12 +69,12 @@ def fill_large(projection, pattern, meshlets, visible, band, count):
         triangle = meshlets.corner[slot, 3]
         for c in range(3):
             to_clip(projection.matrix, i, projection.positions, projection.triangles[triangle, c], work.corners, c)
-        left = scalar_raster.clip_triangle(projection.planes, work)
-        if left < 3 or not scalar_raster.snap(work.first, left, projection.perspective, work, 0):
+        corner_count = scalar_raster.clip_triangle(projection.planes, work)
+        if corner_count < 3 or not scalar_raster.snap(work.first, corner_count, projection.perspective, work, 0):
             continue
         if not scalar_raster.key_plane(work.corners, place, projection.perspective, work.plane, 0):
             continue
-        for c in range(1, left - 1):
+        for c in range(1, corner_count - 1):
             fill_triangle(pattern, band, number, work.x[0], work.y[0], work.x[c], work.y[c], work.x[c + 1], work.y[c + 1])
 
 
@@ -175,18 +175,18 @@ def fill_tile(band, number, zero, sample, edges, depth):
             v0, v1, v2 = lane * (-4 * dy0) + g0, lane * (-4 * dy1) + g1, lane * (-4 * dy2) + g2
             touched &= simd.bits(((v0 + 3 * most0) | (v1 + 3 * most1) | (v2 + 3 * most2)) >= 0)
             full &= simd.bits(((v0 + 3 * least0) | (v1 + 3 * least1) | (v2 + 3 * least2)) >= 0)
-        at = (((y >> 2) + row) * columns + (x >> 2)) * samples + s
+        first_block = (((y >> 2) + row) * columns + (x >> 2)) * samples + s
         while touched:
             k = simd.trailing_zeros(touched)
             touched &= touched - 1
             key = slope + simd.f32x16(depth.c + depth.a * (sx + 4 * k) + depth.b * (sy + 4 * row))
             key = simd.maximum(simd.minimum(key, ceiling), floor)
-            place = (at + k * samples) * 16
-            old, there = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
-            nearer = (key > old) | ((key == old) & (ids < there))
+            place = (first_block + k * samples) * 16
+            old, old_ids = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
+            nearer = (key > old) | ((key == old) & (ids < old_ids))
             if not full >> k & 1:
                 inside = ((inner0 + (g0 - 4 * k * dy0)) | (inner1 + (g1 - 4 * k * dy1)) | (inner2 + (g2 - 4 * k * dy2))) >= 0
                 nearer = nearer & simd.mask_from_bits(simd.bits(inside), key)
             simd.store_aligned(band.key, place, simd.select(nearer, key, old))
-            simd.store_aligned(band.ids, place, simd.select(nearer, ids, there))
+            simd.store_aligned(band.ids, place, simd.select(nearer, ids, old_ids))
     return 1 if all_in else 0

@@ -41,13 +41,13 @@ def find_visible(
     Reuses the memory of `reused`, an earlier result for the same meshlets and number of bands, if it is large enough.
     """
     first, bands = crop[1] // rows, count_bands(crop, rows)
-    made = reused or Handle(_allocate(int(ranges[:, 1].sum()), bands, 0))
+    visible = reused or Handle(_allocate(int(ranges[:, 1].sum()), bands, 0))
     window = crop[0] - margin, crop[1] - margin, crop[2] + margin, crop[3] + margin
-    needed = list_meshlets(projection, meshlets, ranges, window, first * rows, margin, rows, made)
-    if needed > len(made.tables.order):
-        made = Handle(_allocate(len(made.tables.instance) - 16, bands, needed + needed // 4))
-        list_meshlets(projection, meshlets, ranges, window, first * rows, margin, rows, made)
-    return made
+    needed = list_meshlets(projection, meshlets, ranges, window, first * rows, margin, rows, visible)
+    if needed > len(visible.tables.order):
+        visible = Handle(_allocate(len(visible.tables.instance) - 16, bands, needed + needed // 4))
+        list_meshlets(projection, meshlets, ranges, window, first * rows, margin, rows, visible)
+    return visible
 
 
 def count_bands(crop: tuple[int, ...], rows: int) -> int:
@@ -64,11 +64,11 @@ def _allocate(most: int, bands: int, places: int) -> VisibleMeshlets:
 @kernel
 def list_meshlets(projection, meshlets, ranges, window, y0, margin, rows, visible):
     """Fill a VisibleMeshlets whose first band begins at row y0; returns the length that `order` needs. A shorter one stays unfilled."""
-    found, start, order = cull(projection, meshlets, ranges, window, visible), visible.start, visible.order
-    visible.count[0] = found
+    visible_count, start, order = cull(projection, meshlets, ranges, window, visible), visible.start, visible.order
+    visible.count[0] = visible_count
     bands = len(start) - 1
     start[:] = 0
-    for n in range(found):
+    for n in range(visible_count):
         first, last = band_range(visible, n, y0, margin, rows, bands)
         for band in range(first, last + 1):
             start[band + 1] += 1
@@ -76,7 +76,7 @@ def list_meshlets(projection, meshlets, ranges, window, y0, margin, rows, visibl
         start[band + 1] += start[band]
     needed = start[bands]
     if needed <= len(order):
-        for n in range(found):
+        for n in range(visible_count):
             first, last = band_range(visible, n, y0, margin, rows, bands)
             for band in range(first, last + 1):
                 order[start[band]] = n
@@ -97,20 +97,20 @@ def band_range(visible, n: int, y0: int, margin: int, rows: int, bands: int):
 @helper
 def cull(projection, meshlets, ranges, window, visible):
     """Write the meshlets that may overlap the window, and their rows of pixels; returns their number."""
-    found = 0
+    visible_count = 0
     for i in range(len(ranges)):
         first, last = ranges[i, 0], ranges[i, 0] + ranges[i, 1]
         for m in range(first, last, 8):
             inside, top, bottom = test_boxes(projection, meshlets.box, i, m, window)
             numbers = simd.i32x8(m) + simd.iota(simd.i32x8(0))
             inside = inside & (numbers < last)
-            simd.compress_store(visible.top, found, top, inside)
-            simd.compress_store(visible.bottom, found, bottom, inside)
-            count = simd.compress_store(visible.meshlet, found, numbers, inside)
-            for k in range(found, found + count):
+            simd.compress_store(visible.top, visible_count, top, inside)
+            simd.compress_store(visible.bottom, visible_count, bottom, inside)
+            count = simd.compress_store(visible.meshlet, visible_count, numbers, inside)
+            for k in range(visible_count, visible_count + count):
                 visible.instance[k], visible.first[k] = i, meshlets.first_triangle[visible.meshlet[k]]
-            found += count
-    return found
+            visible_count += count
+    return visible_count
 
 
 @helper
@@ -138,7 +138,7 @@ def test_boxes(projection, box, i: int, m: int, window):
     slack = -1e-9 * (abs(near) + abs(far)) - 2.0
     inside = (left >= slack) & (right >= slack) & (above >= slack) & (below >= slack) & (far >= projection.near) & (near <= projection.far)
     endless = simd.load(box, m, simd.f64x8) == -np.inf
-    whole = endless | (near < projection.near) if projection.perspective else endless
-    top = simd.select(whole, float(-EVERYWHERE), simd.maximum(top - 2.0, float(-EVERYWHERE)))
-    bottom = simd.select(whole, float(EVERYWHERE), simd.minimum(bottom + 2.0, float(EVERYWHERE)))
+    unbounded = endless | (near < projection.near) if projection.perspective else endless
+    top = simd.select(unbounded, float(-EVERYWHERE), simd.maximum(top - 2.0, float(-EVERYWHERE)))
+    bottom = simd.select(unbounded, float(EVERYWHERE), simd.minimum(bottom + 2.0, float(EVERYWHERE)))
     return inside | endless, simd.to_i32(simd.floor(top)), simd.to_i32(simd.floor(bottom))

@@ -61,14 +61,14 @@ def build(
     """
     builder = MeshletBuilder()
     placed = np.zeros_like(ranges)
-    made: dict[tuple[int, int], tuple[int, int]] = {}
+    meshlet_ranges: dict[tuple[int, int], tuple[int, int]] = {}
     for instance, (first, count) in enumerate(ranges.tolist()):
         if count == 0:
             continue
-        if (first, count) not in made:
+        if (first, count) not in meshlet_ranges:
             source = _source(tables, positions, triangles, first, count, instance, tessellations.get(instance))
-            made[first, count] = builder.add(source, first)
-        placed[instance] = made[first, count]
+            meshlet_ranges[first, count] = builder.add(source, first)
+        placed[instance] = meshlet_ranges[first, count]
     return builder.finish(), placed
 
 
@@ -129,14 +129,16 @@ class MeshletBuilder:
         places = [np.zeros(vertices, np.float32) for _ in range(3)]
         corner, record = np.zeros((slots, 4), np.int32), np.zeros((vertices, RECORD), np.float32)
         columns: list[Any] = [*numbers, np.zeros((6, most)), *local, corner, *places, record]
-        made = Meshlets(*columns)
+        meshlets = Meshlets(*columns)
         total = np.zeros(3, np.int64)
-        cut_mesh(source, order, made, infinite, first, total)
+        cut_mesh(source, order, meshlets, infinite, first, total)
         m, t, v = (int(n) for n in total)
         part = Meshlets(
-            made.first_triangle[:m] + np.int32(self.triangles), made.triangles[:m], made.first_vertex[:m] + np.int32(self.vertices),
-            made.vertices[:m], made.box[:, :m], made.a[:t], made.b[:t], made.c[:t],
-            made.corner[:t] + np.array([self.vertices] * 3 + [0], np.int32), made.x[:v], made.y[:v], made.z[:v], made.record[:v],
+            meshlets.first_triangle[:m] + np.int32(self.triangles), meshlets.triangles[:m],
+            meshlets.first_vertex[:m] + np.int32(self.vertices),
+            meshlets.vertices[:m], meshlets.box[:, :m], meshlets.a[:t], meshlets.b[:t], meshlets.c[:t],
+            meshlets.corner[:t] + np.array([self.vertices] * 3 + [0], np.int32), meshlets.x[:v], meshlets.y[:v], meshlets.z[:v],
+            meshlets.record[:v],
         )  # fmt: skip
         start = self.meshlets
         self.parts.append(part)
@@ -151,8 +153,8 @@ class MeshletBuilder:
         joined = [np.concatenate([getattr(part, name) for part in self.parts], axis=1 if name == "box" else 0) for name in Meshlets._fields]
         pads = {"box": ((0, 0), (0, LANES))}
         shape = [pads.get(name, ((0, LANES), *((0, 0),) * (array.ndim - 1))) for name, array in zip(Meshlets._fields, joined, strict=True)]
-        whole = Meshlets(*(np.ascontiguousarray(np.pad(array, pad)) for array, pad in zip(joined, shape, strict=True)))
-        return whole._replace(box=whole.box.ravel())
+        meshlets = Meshlets(*(np.ascontiguousarray(np.pad(array, pad)) for array, pad in zip(joined, shape, strict=True)))
+        return meshlets._replace(box=meshlets.box.ravel())
 
 
 @helper
@@ -162,70 +164,70 @@ def transposed_index(vertex: int) -> int:
 
 
 @kernel
-def cut_mesh(source, order, made, infinite, first, total):
-    """Write a mesh's meshlets to `made`, and the numbers of meshlets, triangle slots and vertex slots to `total`."""
+def cut_mesh(source, order, meshlets, infinite, first, total):
+    """Write a mesh's meshlets to `meshlets`, and the numbers of meshlets, triangle slots and vertex slots to `total`."""
     head = np.full(len(source.positions), -1, np.int32)  # last slot of each vertex
-    previous = np.full(len(made.x), -1, np.int32)  # previous slot of the same vertex, with other attributes
-    value_row = np.full(len(made.x), -1, np.int32)  # rows of source.values
+    previous = np.full(len(meshlets.x), -1, np.int32)  # previous slot of the same vertex, with other attributes
+    value_row = np.full(len(meshlets.x), -1, np.int32)  # rows of source.values
     m, slot, start, count, vertices = -1, 0, 0, 0, 0
     for n in range(len(order)):
         triangle = order[n]
         if m < 0 or count == 128 or vertices + 3 > 256:
             if m >= 0:
-                slot, start = _finish_meshlet(made, m, slot, start, count, vertices, infinite)
+                slot, start = _finish_meshlet(meshlets, m, slot, start, count, vertices, infinite)
             m, count, vertices = m + 1, 0, 0
-            made.first_triangle[m], made.first_vertex[m] = slot, start
-            made.box[:3, m], made.box[3:, m] = np.inf, -np.inf
+            meshlets.first_triangle[m], meshlets.first_vertex[m] = slot, start
+            meshlets.box[:3, m], meshlets.box[3:, m] = np.inf, -np.inf
         for k in range(3):
             vertex, value = source.triangles[triangle, k], source.value[triangle, k]
-            at = head[vertex]
-            while at >= start and not _equal_values(source.values, value_row[at], value):
-                at = previous[at]
-            if at < start:
-                at = start + vertices
-                previous[at], value_row[at] = head[vertex], value
-                head[vertex] = at
+            vertex_slot = head[vertex]
+            while vertex_slot >= start and not _equal_values(source.values, value_row[vertex_slot], value):
+                vertex_slot = previous[vertex_slot]
+            if vertex_slot < start:
+                vertex_slot = start + vertices
+                previous[vertex_slot], value_row[vertex_slot] = head[vertex], value
+                head[vertex] = vertex_slot
                 vertices += 1
-                _add_vertex(source, made, m, at, vertex, value)
-            made.corner[slot + count, k] = at
-            place = transposed_index(at - start)
+                _add_vertex(source, meshlets, m, vertex_slot, vertex, value)
+            meshlets.corner[slot + count, k] = vertex_slot
+            place = transposed_index(vertex_slot - start)
             if k == 0:
-                made.a[slot + count] = place
+                meshlets.a[slot + count] = place
             elif k == 1:
-                made.b[slot + count] = place
+                meshlets.b[slot + count] = place
             else:
-                made.c[slot + count] = place
-        made.corner[slot + count, 3] = first + triangle
+                meshlets.c[slot + count] = place
+        meshlets.corner[slot + count, 3] = first + triangle
         count += 1
     if m >= 0:
-        slot, start = _finish_meshlet(made, m, slot, start, count, vertices, infinite)
+        slot, start = _finish_meshlet(meshlets, m, slot, start, count, vertices, infinite)
     total[0], total[1], total[2] = m + 1, slot, start
 
 
 @kernel
-def _equal_values(values, one, other):
+def _equal_values(values, row, other_row):
     same = True
     for k in range(values.shape[1]):
-        same = same and (one == other or values[one, k] == values[other, k])
+        same = same and (row == other_row or values[row, k] == values[other_row, k])
     return same
 
 
 @kernel
-def _add_vertex(source, made, m, at, vertex, value):
+def _add_vertex(source, meshlets, m, vertex_slot, vertex, value):
     """Write one vertex of a meshlet."""
     p = source.positions[vertex]
-    made.x[at], made.y[at], made.z[at] = p[0], p[1], p[2]
+    meshlets.x[vertex_slot], meshlets.y[vertex_slot], meshlets.z[vertex_slot] = p[0], p[1], p[2]
     for k in range(3):
-        made.record[at, k] = p[k]
-        made.box[k, m], made.box[3 + k, m] = min(made.box[k, m], p[k]), max(made.box[3 + k, m], p[k])
+        meshlets.record[vertex_slot, k] = p[k]
+        meshlets.box[k, m], meshlets.box[3 + k, m] = min(meshlets.box[k, m], p[k]), max(meshlets.box[3 + k, m], p[k])
     for k in range(5):
-        made.record[at, 3 + k] = source.values[value, k]
+        meshlets.record[vertex_slot, 3 + k] = source.values[value, k]
 
 
 @kernel
-def _finish_meshlet(made, m, slot, start, count, vertices, infinite):
+def _finish_meshlet(meshlets, m, slot, start, count, vertices, infinite):
     """End a meshlet; returns the first triangle slot and vertex slot of the next."""
-    made.triangles[m], made.vertices[m] = count, 0 if infinite else vertices
+    meshlets.triangles[m], meshlets.vertices[m] = count, 0 if infinite else vertices
     if infinite:
-        made.box[:3, m], made.box[3:, m] = -np.inf, np.inf
+        meshlets.box[:3, m], meshlets.box[3:, m] = -np.inf, np.inf
     return slot + ((count + 15) & ~15), start + ((vertices + 15) & ~15)

@@ -33,11 +33,11 @@ def passes(samples: int, random: bool, name: str) -> tuple[Pass, ...]:
     count = max(-(-samples // SAMPLES), 2 if random and samples >= 4 else 1)  # a single sample fills its pixel
     ends = [samples * k // count for k in range(count + 1)]
     shares = np.diff(np.round(np.array(ends) / samples * WEIGHT_STEPS)) / WEIGHT_STEPS
-    made = []
+    sample_passes = []
     for first, end, share in zip(ends[:-1], ends[1:], shares.tolist(), strict=True):
         pattern = band_buffer.pattern(samples) if count == 1 else band_buffer.pattern_from(first, end - first)
-        made.append(Pass(first, pattern, Handle(pattern), Handle(filter_weights(name, pattern, share, samples))))
-    return tuple(made)
+        sample_passes.append(Pass(first, pattern, Handle(pattern), Handle(filter_weights(name, pattern, share, samples))))
+    return tuple(sample_passes)
 
 
 def filter_weights(name: str, pattern: band_buffer.Pattern, share: float, samples: int) -> fragments.Splat:

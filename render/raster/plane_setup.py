@@ -60,23 +60,23 @@ def setup_planes(shading, textured, colored):
     for first in range(cache.count[1], cache.count[0], 16):
         count = min(cache.count[0] - first, 16)
         ids = simd.load(cache.owner, first, simd.i32x16)
-        there = simd.first_lanes(count, ids)
-        ids = simd.select(there, ids, cache.owner[first])
+        exists = simd.first_lanes(count, ids)
+        ids = simd.select(exists, ids, cache.owner[first])
         row = ids >> SHIFT
         instances, slots = visible.instance[row], visible.first[row] + (ids & ((1 << SHIFT) - 1))
-        rest = there
-        while simd.any_of(rest):
-            one = simd.trailing_zeros(simd.bits(rest))
-            i = simd.lane(instances, one)
-            here = rest & (instances == i)
-            setup_instance(shading, textured, colored, i, simd.select(here, slots, simd.lane(slots, one)), first, here)
-            rest = rest & ~here
+        pending = exists
+        while simd.any_of(pending):
+            first_lane = simd.trailing_zeros(simd.bits(pending))
+            i = simd.lane(instances, first_lane)
+            lanes = pending & (instances == i)
+            setup_instance(shading, textured, colored, i, simd.select(lanes, slots, simd.lane(slots, first_lane)), first, lanes)
+            pending = pending & ~lanes
     cache.count[1] = cache.count[0]
 
 
 @helper
-def setup_instance(shading: Any, textured: Any, colored: Any, i: int, slot: Lane, first: int, here: Lane) -> None:
-    """Write the records of triangles of one instance, rows `first` to `first` + 15, in the lanes `here`."""
+def setup_instance(shading: Any, textured: Any, colored: Any, i: int, slot: Lane, first: int, lanes: Lane) -> None:
+    """Write the records of triangles of one instance, rows `first` to `first` + 15, in the lanes `lanes`."""
     meshlets, tables, record = shading.meshlets, shading.tables, shading.planes.record
     corner = simd.gather_rows(meshlets.corner, slot << 2, 4)
     a = simd.gather_rows(meshlets.record, corner[0] * RECORD, RECORD)
@@ -96,13 +96,13 @@ def setup_instance(shading: Any, textured: Any, colored: Any, i: int, slot: Lane
     level = is_zero(nb) & is_zero(nc)
     facing = simd.select(front, simd.f32x16(1.0), simd.f32x16(-1.0))
     facing = facing * simd.select(single, np.float32(PRECISE), simd.select(level, np.float32(EVEN), 1.0))
-    at = first * record.shape[1]
-    write_floats(record, at, here, (nx[0], ny[0], nz[0], key[0], nx[1], ny[1], nz[1], key[1]))
-    write_floats(record, at + 8, here, (nx[2], ny[2], nz[2], key[2], screen.x, screen.y, facing, zero + np.float32(i)))
+    offset = first * record.shape[1]
+    write_floats(record, offset, lanes, (nx[0], ny[0], nz[0], key[0], nx[1], ny[1], nz[1], key[1]))
+    write_floats(record, offset + 8, lanes, (nx[2], ny[2], nz[2], key[2], screen.x, screen.y, facing, zero + np.float32(i)))
     if textured is not None:
-        write_uvs(tables, record, at, here, transform, colored, corners, weights)
+        write_uvs(tables, record, offset, lanes, transform, colored, corners, weights)
     if colored is not None:
-        write_colors(tables, record, at, here, tables.instances.geometry[i], corners.triangle, face, weights)
+        write_colors(tables, record, offset, lanes, tables.instances.geometry[i], corners.triangle, face, weights)
 
 
 @helper
@@ -114,8 +114,8 @@ def project(projection: Any, i: int, corners: Corners) -> ScreenTriangles:
     ax, ay, depth = simd.concatenate(low[2], high[2]), simd.concatenate(low[3], high[3]), simd.concatenate(low[4], high[4])
     x1, y1, d1 = edge_to_pixel(projection, i, corners.e1, px, py)
     x2, y2, d2 = edge_to_pixel(projection, i, corners.e2, px, py)
-    one, zero = simd.f32x16(1.0), simd.f32x16(0.0)
-    w0, w1, w2 = (depth, d1, d2) if projection.perspective else (one, zero, zero)
+    ones, zero = simd.f32x16(1.0), simd.f32x16(0.0)
+    w0, w1, w2 = (depth, d1, d2) if projection.perspective else (ones, zero, zero)
 
     area = (x1 * y2 - y1 * x2, w2 * y1 - w1 * y2, w1 * x2 - w2 * x1)
     eu = (x2 * ay - y2 * ax, y2 * w0 - w2 * ay, w2 * ax - x2 * w0)
@@ -131,10 +131,10 @@ def project(projection: Any, i: int, corners: Corners) -> ScreenTriangles:
     if projection.perspective:
         single = single | ~(simd.maximum(abs(d1), abs(d2)) < depth * np.float32(0.25))
     speck = thin & short
-    whole = simd.select(speck, 1.0 / w0, 1.0 / det)  # specks: the first corner's distance
-    level = (whole * np.float32(1.0 / 3.0), zero, zero)
-    area = ops.where3(speck, (whole, zero, zero), ops.scale(area, whole))
-    eu, ev = ops.where3(speck, level, ops.scale(eu, whole)), ops.where3(speck, level, ops.scale(ev, whole))
+    scale = simd.select(speck, 1.0 / w0, 1.0 / det)  # specks: the first corner's distance
+    level = (scale * np.float32(1.0 / 3.0), zero, zero)
+    area = ops.where3(speck, (scale, zero, zero), ops.scale(area, scale))
+    eu, ev = ops.where3(speck, level, ops.scale(eu, scale)), ops.where3(speck, level, ops.scale(ev, scale))
     return ScreenTriangles(Weights(area, eu, ev), px, py, depth, d1, d2, single, det > 0.0)
 
 
@@ -145,8 +145,8 @@ def corner_normals(tables: Any, i: int, corners: Corners, face: Vec, front: Lane
     Triangles without corner normals, and flat materials, have the normal `face`.
     """
     transform, inverse = tables.instances.transform[i], tables.transforms.inverse
-    one = simd.f32x16(1.0)
-    side = simd.select(front, one, -one)
+    ones = simd.f32x16(1.0)
+    side = simd.select(front, ones, -ones)
     a, b, c = corners.a, corners.b, corners.c
     na, nb, nc = (a[3], a[4], a[5]), (b[3], b[4], b[5]), (c[3], c[4], c[5])
     sa, sb, sc = ops.dot(na, face), ops.dot(nb, face), ops.dot(nc, face)
@@ -163,7 +163,7 @@ def corner_normals(tables: Any, i: int, corners: Corners, face: Vec, front: Lane
 
 
 @helper
-def write_uvs(tables: Any, record: Any, at: int, here: Lane, transform: int, colored: Any, corners: Corners,
+def write_uvs(tables: Any, record: Any, offset: int, lanes: Lane, transform: int, colored: Any, corners: Corners,
               weights: Weights) -> None:  # fmt: skip
     """Write the planes of u and v; with `colored`, the metres that they span, which only bump maps read."""
     a, b, c = corners.a, corners.b, corners.c
@@ -175,11 +175,11 @@ def write_uvs(tables: Any, record: Any, at: int, here: Lane, transform: int, col
         du, dv = interaction.uv_metric(corners.e1, corners.e2, u1, v1, u2, v2)
         stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
         du, dv = du * stretch, dv * stretch
-    write_floats(record, at + 16, here, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))
+    write_floats(record, offset + 16, lanes, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))
 
 
 @helper
-def write_colors(tables: Any, record: Any, at: int, here: Lane, g: int, triangle: Lane, face: Vec, weights: Weights) -> None:
+def write_colors(tables: Any, record: Any, offset: int, lanes: Lane, g: int, triangle: Lane, face: Vec, weights: Weights) -> None:
     """Write the triangles' own normals `face` and the planes of the colours of geometry g."""
     zero, area = simd.f32x16(0.0), weights.area
     red, green, blue = (zero + area[0], zero + area[1], zero + area[2]), area, area
@@ -190,8 +190,8 @@ def write_colors(tables: Any, record: Any, at: int, here: Lane, g: int, triangle
         red = plane_of(weights, first_color[0], b_color[0], c_color[0])
         green = plane_of(weights, first_color[1], b_color[1], c_color[1])
         blue = plane_of(weights, first_color[2], b_color[2], c_color[2])
-    write_floats(record, at + 24, here, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
-    write_floats(record, at + 32, here, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
+    write_floats(record, offset + 24, lanes, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
+    write_floats(record, offset + 32, lanes, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
 
 
 @helper
@@ -201,14 +201,14 @@ def is_zero(v: Vec) -> Lane:
 
 
 @helper
-def write_floats(record: Any, at: int, here: Lane, columns: Any) -> None:
-    """Write eight consecutive floats of sixteen consecutive records, from place `at` on, in the lanes `here`."""
-    if simd.all_of(here):
-        simd.store_rows(record, at, record.shape[1], columns)
+def write_floats(record: Any, offset: int, lanes: Lane, columns: Any) -> None:
+    """Write eight consecutive floats of sixteen consecutive records, from place `offset` on, in the lanes `lanes`."""
+    if simd.all_of(lanes):
+        simd.store_rows(record, offset, record.shape[1], columns)
     else:
-        places = simd.iota(simd.i32x16(0)) * record.shape[1] + at
+        places = simd.iota(simd.i32x16(0)) * record.shape[1] + offset
         for k in range(8):
-            simd.scatter(record, places + k, columns[k], here)
+            simd.scatter(record, places + k, columns[k], lanes)
 
 
 @helper

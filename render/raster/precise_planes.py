@@ -87,9 +87,9 @@ def block_record(shading: Any, textured: Any, colored: Any, i: int, row: int, x:
     The record also holds for the blocks around, in a box of up to WIDE pixels where the sum of weights varies little.
     """
     cache, k = shading.planes, row & (CACHED - 1)
-    p, at, last = cache.precise, 16 * k, len(cache.record) - CACHED + k
-    if (simd.read(p, at) == simd.read(cache.owner, row) and simd.read(p, at + _NEAR) <= x and x < simd.read(p, at + _NEAR + 1)
-            and simd.read(p, at + _NEAR + 2) <= y and y < simd.read(p, at + _NEAR + 3)):  # fmt: skip
+    p, offset, last = cache.precise, 16 * k, len(cache.record) - CACHED + k
+    if (simd.read(p, offset) == simd.read(cache.owner, row) and simd.read(p, offset + _NEAR) <= x and x < simd.read(p, offset + _NEAR + 1)
+            and simd.read(p, offset + _NEAR + 2) <= y and y < simd.read(p, offset + _NEAR + 3)):  # fmt: skip
         return last
     return make_block_record(shading, textured, colored, i, row, x, y, last)
 
@@ -169,9 +169,9 @@ def weight_sum(p: Any, x: float, y: float) -> float:
 
 
 @helper
-def corner_values(s: Any, at: int, step: int, scale: float) -> Vec:
+def corner_values(s: Any, offset: int, step: int, scale: float) -> Vec:
     """An attribute of the three corners, at s[at], s[at + step] and s[at + 2 · step], times `scale`."""
-    return s[at] * scale, s[at + step] * scale, s[at + 2 * step] * scale
+    return s[offset] * scale, s[offset + step] * scale, s[offset + 2 * step] * scale
 
 
 @helper
@@ -201,11 +201,12 @@ def weight_at(planes: Any, first: int, x: Lane, y: Lane) -> Lane:
 
 
 @helper
-def blend(s: Any, at: int, u: Lane, v: Lane, w: Lane) -> Vec:
+def blend(s: Any, offset: int, u: Lane, v: Lane, w: Lane) -> Vec:
     """A vector attribute of the corners, weighted by w, u and v."""
     return (
-        simd.fma(v, s[at + 6], simd.fma(u, s[at + 3], w * s[at])), simd.fma(v, s[at + 7], simd.fma(u, s[at + 4], w * s[at + 1])),
-        simd.fma(v, s[at + 8], simd.fma(u, s[at + 5], w * s[at + 2])),
+        simd.fma(v, s[offset + 6], simd.fma(u, s[offset + 3], w * s[offset])),
+        simd.fma(v, s[offset + 7], simd.fma(u, s[offset + 4], w * s[offset + 1])),
+        simd.fma(v, s[offset + 8], simd.fma(u, s[offset + 5], w * s[offset + 2])),
     )  # fmt: skip
 
 
@@ -216,10 +217,10 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
     The cross of two corners' rows (X - x W, Y - y W) is X₁Y₂ - X₂Y₁ + x (W₂Y₁ - W₁Y₂) + y (X₂W₁ - X₁W₂). Weights are scaled to fit
     float32 and are positive inside.
     """
-    one, two = corner_row(projection, meshlets, i, slot, 0), corner_row(projection, meshlets, i, slot, 1)
-    three = corner_row(projection, meshlets, i, slot, 2)
-    first, second, third = cross(two, three), cross(three, one), cross(one, two)
-    det = one[0] * first[1] + one[1] * first[2] + one[2] * first[0]
+    row_a, row_b = corner_row(projection, meshlets, i, slot, 0), corner_row(projection, meshlets, i, slot, 1)
+    row_c = corner_row(projection, meshlets, i, slot, 2)
+    first, second, third = cross(row_b, row_c), cross(row_c, row_a), cross(row_a, row_b)
+    det = row_a[0] * first[1] + row_a[1] * first[2] + row_a[2] * first[0]
     for n in range(3):
         planes[2 + n], planes[5 + n], planes[8 + n] = second[n], third[n], first[n]
     largest = 1e-300
@@ -240,8 +241,8 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
     s[_FACE], s[_FACE + 1], s[_FACE + 2] = outward
     even, flat = True, True
     for corner in range(3):
-        at = meshlets.corner[slot, corner]
-        n = (np.float64(meshlets.record[at, 3]), np.float64(meshlets.record[at, 4]), np.float64(meshlets.record[at, 5]))
+        vertex = meshlets.corner[slot, corner]
+        n = (np.float64(meshlets.record[vertex, 3]), np.float64(meshlets.record[vertex, 4]), np.float64(meshlets.record[vertex, 5]))
         if tables.materials.shading[material] == FLAT:
             n = face
         even = even and ops.dot(n, face) > 0.0
@@ -249,7 +250,7 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
         s[_NORMALS + 3 * corner], s[_NORMALS + 3 * corner + 1], s[_NORMALS + 3 * corner + 2] = n
         flat = flat and s[_NORMALS + 3 * corner] == s[_NORMALS] and s[_NORMALS + 3 * corner + 1] == s[_NORMALS + 1]
         flat = flat and s[_NORMALS + 3 * corner + 2] == s[_NORMALS + 2]
-        s[_PLACES + 2 * corner], s[_PLACES + 2 * corner + 1] = meshlets.record[at, 6], meshlets.record[at, 7]
+        s[_PLACES + 2 * corner], s[_PLACES + 2 * corner + 1] = meshlets.record[vertex, 6], meshlets.record[vertex, 7]
         s[_DEPTHS + corner] = corner_depth(projection, meshlets, i, slot, corner)
     s[_EVEN] = _FLAT if even and flat else 1.0 if even else 0.0
     if textured is not None:
@@ -270,8 +271,8 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
 @helper
 def corner_position(meshlets: Any, slot: int, corner: int) -> Vec:
     """The position of a corner in the mesh's frame."""
-    at = meshlets.corner[slot, corner]
-    return np.float64(meshlets.record[at, 0]), np.float64(meshlets.record[at, 1]), np.float64(meshlets.record[at, 2])
+    vertex = meshlets.corner[slot, corner]
+    return np.float64(meshlets.record[vertex, 0]), np.float64(meshlets.record[vertex, 1]), np.float64(meshlets.record[vertex, 2])
 
 
 @helper

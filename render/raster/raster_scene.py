@@ -43,10 +43,10 @@ def build(
     Pictures `by_tiles` need no meshlets.
     """
     model, ranges = view_geometry.build_model(tables, view, tessellations)
-    made, meshlet_ranges = None, np.zeros_like(ranges)
+    meshlet_handle, meshlet_ranges = None, np.zeros_like(ranges)
     if not by_tiles:
         built, meshlet_ranges = meshlets.build(tables, model.positions, model.triangles, ranges, tessellations)
-        made = Handle(built)
+        meshlet_handle = Handle(built)
     near, far = view_geometry.depth_range(tables, view)
     projection = band_buffer.Projection(model.matrix, model.planes, model.perspective, near, far, model.positions, model.triangles)
     eye = tables.transforms.matrix[tables.cameras.transform[view.camera], :, 3]
@@ -58,7 +58,7 @@ def build(
     untessellated = view_geometry.untessellated(tables, tessellations)
     textured, colored = (True, True) if general else used_attributes(tables)
     return RasterScene(
-        Handle(model), ranges, made, meshlet_ranges, Handle(projection), shading_tables, sources, rays, untessellated,
+        Handle(model), ranges, meshlet_handle, meshlet_ranges, Handle(projection), shading_tables, sources, rays, untessellated,
         view_geometry.pixel_boxes(tables, view, untessellated), textured, colored,
         deferred_shading.shades_flat_runs(tables, sources.tables, textured is not None) or None, BufferPool(),
     )  # fmt: skip

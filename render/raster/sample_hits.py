@@ -40,24 +40,24 @@ def find_hits(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lan
     zero = 0.0 * ray.direction[0]
     nothing = ops.int_like(zero, -1)
     t, instance, primitive, u, v = zero + np.inf, nothing, nothing, zero, zero
-    rest = instances >= 0
-    while ops.any_lane(rest):
-        i, here = crosslane.uniform_group(instances, rest)
-        hit = _intersect_instance(model, tables, accel, view, ray, px, py, i, triangle, here)
-        found = here & (hit.t < np.inf)
-        t, instance, primitive = ops.where(found, hit.t, t), ops.where(found, i, instance), ops.where(found, hit.primitive, primitive)
-        u, v = ops.where(found, hit.u, u), ops.where(found, hit.v, v)
-        rest = rest & ops.not_(here)
+    pending = instances >= 0
+    while ops.any_lane(pending):
+        i, lanes = crosslane.uniform_group(instances, pending)
+        hit = _intersect_instance(model, tables, accel, view, ray, px, py, i, triangle, lanes)
+        is_hit = lanes & (hit.t < np.inf)
+        t, instance, primitive = ops.where(is_hit, hit.t, t), ops.where(is_hit, i, instance), ops.where(is_hit, hit.primitive, primitive)
+        u, v = ops.where(is_hit, hit.u, u), ops.where(is_hit, hit.v, v)
+        pending = pending & ops.not_(lanes)
     return Hit(t, instance, primitive, u, v)
 
 
 @helper
 def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ray, px: Lane, py: Lane, i: int, triangle: Lane,
-                        here: Lane) -> Hit:  # fmt: skip
-    """The hits of the lanes `here` with instance i; t is inf where the z-buffer's triangle has none."""
+                        lanes: Lane) -> Hit:  # fmt: skip
+    """The hits of the lanes `lanes` with instance i; t is inf where the z-buffer's triangle has none."""
     zero = 0.0 * ray.direction[0]
     t, u, v, part = zero + np.inf, zero, zero, ops.int_like(zero, -1)
-    flat = here & (triangle >= 0)
+    flat = lanes & (triangle >= 0)
     if ops.any_lane(flat):
         row = ops.where(flat, triangle, 0)
         depth, wu, wv = weights(model, i, row, px / coverage.ONE, py / coverage.ONE)
@@ -66,10 +66,10 @@ def _intersect_instance(model: Any, tables: Any, accel: Any, view: View, ray: Ra
         part = ops.where(flat, ops.to_int(model.parts[row]), part)
     t = ops.where(abs(t) < np.inf, t, np.inf)  # an unbounded plane at its horizon
     if tables.geometries.kind[tables.instances.geometry[i]] != MESH:
-        exact = intersect(accel, i, ray, here)
-        found = exact.instance >= 0
-        t, part = ops.where(found, exact.t, t), ops.where(found, exact.primitive, part)
-        u, v = ops.where(found, exact.u, u), ops.where(found, exact.v, v)
+        exact = intersect(accel, i, ray, lanes)
+        is_hit = exact.instance >= 0
+        t, part = ops.where(is_hit, exact.t, t), ops.where(is_hit, exact.primitive, part)
+        u, v = ops.where(is_hit, exact.u, u), ops.where(is_hit, exact.v, v)
     return Hit(t, ops.int_like(zero, i), part, u, v)
 
 
@@ -85,11 +85,11 @@ def weights(model: Any, instance: int, triangle: Lane, x: Lane, y: Lane) -> tupl
     x1, y1, d1, v1 = relative_to_sample(m, instance, p, corners[triangle, 1], x, y)
     x2, y2, d2, v2 = relative_to_sample(m, instance, p, corners[triangle, 2], x, y)
     e0, e1, e2 = x1 * y2 - y1 * x2, x2 * y0 - y2 * x0, x0 * y1 - y0 * x1
-    whole = e0 + e1 + e2
-    turn = ops.where(whole < 0.0, -1.0, 1.0)
+    area = e0 + e1 + e2
+    turn = ops.where(area < 0.0, -1.0, 1.0)
     e0, e1, e2 = turn * e0, turn * e1, turn * e2
     least = ops.minimum(e0, ops.minimum(e1, e2))
-    beside = (least > turn * whole * -OUTSIDE) & (e0 * d0 + e1 * d1 + e2 * d2 > 0.0) & (e0 * v0 + e1 * v1 + e2 * v2 > 0.0)
+    beside = (least > turn * area * -OUTSIDE) & (e0 * d0 + e1 * d1 + e2 * d2 > 0.0) & (e0 * v0 + e1 * v1 + e2 * v2 > 0.0)
     least = ops.where(beside, least, 0.0)
     e0, e1, e2 = ops.maximum(e0, least), ops.maximum(e1, least), ops.maximum(e2, least)
     total = e0 + e1 + e2

@@ -226,7 +226,7 @@ def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Ti
         return
     part_x, part_y = work.part_x[0], work.part_y[0]
     part_x[0], part_x[1], part_x[2], part_y[0], part_y[1], part_y[2] = ax, bx, cx, ay, by, cy
-    found, line = 0, min(ay, min(by, cy)) - 1
+    crossing_count, line = 0, min(ay, min(by, cy)) - 1
     for j in range(y0, y1):
         start = j * samples.columns
         for s in range((start + x0) * samples.count, (start + x1) * samples.count):
@@ -238,8 +238,8 @@ def fill_triangle(a: int, b: int, c: int, instance: int, triangle: int, tile: Ti
             else:
                 if py != line:
                     line = py
-                    found = coverage.crossings(part_x, part_y, 0, 3, py, work.crossings, 0)
-                covered = coverage.inside_crossings(work.crossings, found, px)
+                    crossing_count = coverage.crossings(part_x, part_y, 0, 3, py, work.crossings, 0)
+                covered = coverage.inside_crossings(work.crossings, crossing_count, px)
             if covered:
                 test_depth(work.plane, 0, px, py, instance, triangle, tile, s, scratch.depth)
 
@@ -270,10 +270,10 @@ def flat_polygons(tables, out):
         for loop in range(first, first + polygons.loop_count[p]):
             start, count = pools.loops[loop, 0], pools.loops[loop, 1]
             for c in range(count):
-                here, there = pools.corners[start + c], pools.corners[start + (c + 1) % count]
+                corner, next_corner = pools.corners[start + c], pools.corners[start + (c + 1) % count]
                 for k in range(3):
                     u, v = (k + 1) % 3, (k + 2) % 3
-                    a, b = pools.positions[here], pools.positions[there]
+                    a, b = pools.positions[corner], pools.positions[next_corner]
                     if loop == first:
                         normal[k] += (float(a[u]) - b[u]) * (float(a[v]) + b[v] - 2.0 * pools.positions[pools.corners[start]][v])
                     low[k], high[k] = min(low[k], a[k]), max(high[k], a[k])
@@ -323,7 +323,7 @@ def snap_triangles(model: Any, instance: int, first: int, count: int, tile: Tile
 @helper
 def project_loops(model: Any, tables: ir.Tables, instance: int, polygon: int, work: Workspace) -> int:
     """Write the fixed-point corners of all loops of a polygon; returns their number, 0 if one is behind the eye."""
-    found = 0
+    corner_count = 0
     first = tables.polygons.first_loop[polygon]
     for loop in range(first, first + tables.polygons.loop_count[polygon]):
         start = tables.pools.loops[loop, 0]
@@ -332,10 +332,10 @@ def project_loops(model: Any, tables: ir.Tables, instance: int, polygon: int, wo
             w = work.corners[0, 2]
             if not w > 0.0:
                 return 0
-            work.x[found] = int(np.floor(work.corners[0, 0] / w * coverage.ONE + 0.5))
-            work.y[found] = int(np.floor(work.corners[0, 1] / w * coverage.ONE + 0.5))
-            found += 1
-    return found
+            work.x[corner_count] = int(np.floor(work.corners[0, 0] / w * coverage.ONE + 0.5))
+            work.y[corner_count] = int(np.floor(work.corners[0, 1] / w * coverage.ONE + 0.5))
+            corner_count += 1
+    return corner_count
 
 
 @helper
@@ -345,16 +345,16 @@ def fill_polygon(tables: ir.Tables, instance: int, polygon: int, corners: int, t
     loops, first_loop = tables.pools.loops, tables.polygons.first_loop[polygon]
     first, count = tables.polygons.first_triangle[polygon], tables.polygons.triangle_count[polygon]
     x0, y0, x1, y1 = pixel_box(work, corners, samples.reach, tile)
-    found, line = 0, np.int64(NO_LINE)
+    crossing_count, line = 0, np.int64(NO_LINE)
     for j in range(y0, y1):
         for s in range((j * samples.columns + x0) * samples.count, (j * samples.columns + x1) * samples.count):
             px, py = samples.x[s], samples.y[s]
             if py != line:
-                line, found, start = py, 0, 0
+                line, crossing_count, start = py, 0, 0
                 for loop in range(first_loop, first_loop + tables.polygons.loop_count[polygon]):
-                    found = coverage.crossings(work.x, work.y, start, loops[loop, 1], py, work.crossings, found)
+                    crossing_count = coverage.crossings(work.x, work.y, start, loops[loop, 1], py, work.crossings, crossing_count)
                     start += loops[loop, 1]
-            if coverage.inside_crossings(work.crossings, found, px):
+            if coverage.inside_crossings(work.crossings, crossing_count, px):
                 t = triangle_at(work, count, px, py)
                 test_depth(work.plane, t, px, py, instance, first + t, tile, s, scratch.depth)
 

@@ -37,12 +37,12 @@ def point_buffer(textured: bool, colored: bool) -> Points:
 
 
 @helper
-def store_point(shading: Any, textured: Any, colored: Any, k: int, point: triangle_planes.Attributes, x: Lane, y: Lane, i: int, here: Lane,
+def store_point(shading: Any, textured: Any, colored: Any, k: int, point: triangle_planes.Attributes, x: Lane, y: Lane, i: int, lanes: Lane,
          group: int) -> None:  # fmt: skip
-    """Write point k: attributes at (x, y) of instance i in the lanes `here`."""
+    """Write point k: attributes at (x, y) of instance i in the lanes `lanes`."""
     points, rays = shading.points, shading.rays
     simd.write(points.instance, k, i)
-    simd.write(points.lanes, k, simd.bits(here))
+    simd.write(points.lanes, k, simd.bits(lanes))
     simd.write(points.group, k, group)
     along = at_pixel(rays.direction, x, y)
     put3(points, k, NORMAL, ops.scale(point.normal, simd.reciprocal_sqrt(ops.dot(point.normal, point.normal))))

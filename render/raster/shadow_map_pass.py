@@ -29,22 +29,22 @@ TOLERANCE = 0.5  # texels, of tessellation
 def build(tables: ir.Tables, accel: packed_struct.Handle) -> Maps | ShadowRays:
     """The shadow maps of a scene's lights; `accel` is a handle of its BVH."""
     lights = tables.lights
-    first, count, made = np.full(len(lights.kind), -1), np.zeros(len(lights.kind), np.int64), []
+    first, count, map_cameras = np.full(len(lights.kind), -1), np.zeros(len(lights.kind), np.int64), []
     for light in range(len(lights.kind)):
         if lights.kind[light] in POINTS + DISTANT and lights.shadows[light] and (lights.color[light] > 0.0).any():
-            first[light] = len(made)
-            made += _cameras_of(tables, light)
-            count[light] = len(made) - first[light]
-    if not made:
+            first[light] = len(map_cameras)
+            map_cameras += _cameras_of(tables, light)
+            count[light] = len(map_cameras) - first[light]
+    if not map_cameras:
         return ShadowRays()
-    seen = _with_cameras(tables, made)
-    views = [View(len(tables.cameras.projection) + k, one.size, one.size) for k, one in enumerate(made)]
+    seen = _with_cameras(tables, map_cameras)
+    views = [View(len(tables.cameras.projection) + k, camera.size, camera.size) for k, camera in enumerate(map_cameras)]
     texels = [_render(seen, view, accel) for view in views]
     clip = np.stack([view_geometry.world_to_clip(seen, view)[[0, 1, 3]] for view in views])
     inverse = np.zeros_like(clip)
     inverse[:, :, :3] = np.linalg.inv(clip[:, :, :3])
-    size = np.array([one.size for one in made], np.int64)
-    texel = np.array([2.0 * one.extent / one.size for one in made])
+    size = np.array([camera.size for camera in map_cameras], np.int64)
+    texel = np.array([2.0 * camera.extent / camera.size for camera in map_cameras])
     start = np.concatenate([[0], np.cumsum(size * size)[:-1]]).astype(np.int64)
     key, instance = (np.concatenate(columns) for columns in zip(*texels, strict=True))
     return Maps(first.astype(np.int64), count, np.ascontiguousarray(clip), np.ascontiguousarray(inverse), texel, size, start, key, instance)
@@ -94,18 +94,18 @@ def _frame(back: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[
     return np.stack([x, np.cross(z, x), z, position], axis=1)
 
 
-def _with_cameras(tables: ir.Tables, made: list[_ShadowCamera]) -> ir.Tables:
+def _with_cameras(tables: ir.Tables, map_cameras: list[_ShadowCamera]) -> ir.Tables:
     """Tables with one more camera for each map; shadow casters are visible to cameras."""
-    n, rows = len(made), len(tables.transforms.matrix)
-    frames = np.stack([one.frame for one in made])
+    n, rows = len(map_cameras), len(tables.transforms.matrix)
+    frames = np.stack([camera.frame for camera in map_cameras])
     turned = frames[:, :, :3].transpose(0, 2, 1)
     inverse = np.concatenate([turned, -(turned @ frames[:, :, 3:])], axis=2)
     more = {"matrix": frames, "inverse": inverse, "flips": np.zeros(n, bool), "first_key": np.full(n, -1), "keys": np.zeros(n, int)}
     transforms = ir.table_of("transforms", {k: np.concatenate([v, more[k]]) for k, v in tables.transforms._asdict().items()})
     none = np.zeros(n)
     cameras = {
-        "projection": [ir.Projection.ORTHOGRAPHIC if one.parallel else ir.Projection.PERSPECTIVE for one in made],
-        "transform": rows + np.arange(n), "extent": [one.extent for one in made], "fit": np.full(n, int(ir.Fit.VERTICAL)),
+        "projection": [ir.Projection.ORTHOGRAPHIC if camera.parallel else ir.Projection.PERSPECTIVE for camera in map_cameras],
+        "transform": rows + np.arange(n), "extent": [camera.extent for camera in map_cameras], "fit": np.full(n, int(ir.Fit.VERTICAL)),
         "aspect": none, "near": none, "far": none + np.inf, "shift": np.zeros((n, 2)), "exposure": none + np.nan,
         "opening": none, "shutter": none, "lens": none, "focus": none + 1.0, "pixel_aspect": none + 1.0,
         "planes": np.zeros((n, ir.CLIP_PLANES, 4)),
@@ -121,25 +121,25 @@ def _with_cameras(tables: ir.Tables, made: list[_ShadowCamera]) -> ir.Tables:
 def _render(tables: ir.Tables, view: View, accel: packed_struct.Handle) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """(keys, instances) of a map's texels, row by row; -inf and -1 where empty."""
     tessellations = ViewTessellator(tables, view, TOLERANCE).tessellations(tables)
-    made, packed, pattern = (
+    scene, packed, pattern = (
         raster_scene.build(tables, view, tessellations),
         packed_struct.Handle(tables),
         packed_struct.Handle(band_buffer.pattern(1)),
     )
-    visible = meshlet_culling.find_visible(made.projection, made.meshlets, made.meshlet_ranges, (0, 0, view.width, view.height), 0, ROWS)
+    visible = meshlet_culling.find_visible(scene.projection, scene.meshlets, scene.meshlet_ranges, (0, 0, view.width, view.height), 0, ROWS)
     band = packed_struct.Handle(band_buffer.band_buffer(view.width, ROWS, 1))
-    filling = packed_struct.Handle(band_buffer.Filling(made.projection, pattern, made.meshlets, visible, band))
-    keys, found = np.empty((view.height, view.width), np.float32), np.empty((view.height, view.width), np.int32)
+    filling = packed_struct.Handle(band_buffer.Filling(scene.projection, pattern, scene.meshlets, visible, band))
+    keys, ids = np.empty((view.height, view.width), np.float32), np.empty((view.height, view.width), np.int32)
     rows: Any = band.tables
     for number, top in enumerate(range(0, view.height, ROWS)):
         rows.window[:2] = 0, top
         rows.clip[:] = 0, top, view.width, top + ROWS
         triangle_setup.draw_band(filling, number)
-        if len(made.untessellated):
-            integrator_shading.draw_untessellated(made.model, made.untessellated, made.boxes, packed, accel, view, pattern, band)
-        for whole, part in ((keys, rows.key), (found, rows.ids)):
-            whole[top : top + ROWS] = band_buffer.to_rows(part, ROWS, view.width)
+        if len(scene.untessellated):
+            integrator_shading.draw_untessellated(scene.model, scene.untessellated, scene.boxes, packed, accel, view, pattern, band)
+        for texels, part in ((keys, rows.key), (ids, rows.ids)):
+            texels[top : top + ROWS] = band_buffer.to_rows(part, ROWS, view.width)
     mapped: Any = visible.tables
-    exact = found > integrator_shading.UNTESSELLATED
-    of = np.where(exact, found & integrator_shading.UNTESSELLATED, mapped.instance[np.where(exact, 0, np.maximum(found, 0) >> SHIFT)])
-    return np.where(found >= 0, keys, -np.inf).astype(np.float32).ravel(), np.where(found >= 0, of, -1).astype(np.int32).ravel()
+    exact = ids > integrator_shading.UNTESSELLATED
+    owner = np.where(exact, ids & integrator_shading.UNTESSELLATED, mapped.instance[np.where(exact, 0, np.maximum(ids, 0) >> SHIFT)])
+    return np.where(ids >= 0, keys, -np.inf).astype(np.float32).ravel(), np.where(ids >= 0, owner, -1).astype(np.int32).ravel()

@@ -129,8 +129,8 @@ def shift_right(start: Any, table: Any, x: float) -> Any:
 @helper
 def flat_normal(cache: Any, face: int) -> tuple[float, float, float]:
     """The unit normal of a flat triangle; its record holds it over the distance."""
-    at = face * cache.record.shape[1]
-    x, y, z = simd.read(cache.record, at), simd.read(cache.record, at + 1), simd.read(cache.record, at + 2)
+    offset = face * cache.record.shape[1]
+    x, y, z = simd.read(cache.record, offset), simd.read(cache.record, offset + 1), simd.read(cache.record, offset + 2)
     if triangle_planes.is_precise(cache, face):
         x, y, z = precise_planes.flat_normal(cache, face)
     scale = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)

@@ -104,13 +104,13 @@ def add_row(cache: Any, number: int) -> int:
 
 
 @helper
-def find_rows(cache: Any, ids: Any, at: int, seen: Lane) -> Lane:
+def find_rows(cache: Any, ids: Any, start: int, seen: Lane) -> Lane:
     """The rows of records of ids[at:], in the lanes `seen`."""
-    numbers = simd.load_aligned(ids, at, simd.i32x16)
+    numbers = simd.load_aligned(ids, start, simd.i32x16)
     rows = simd.gather(cache.row, numbers, seen) - cache.count[2]
     lacking = seen & (rows < 0)
     while simd.any_of(lacking):
-        number = simd.read(ids, at + simd.trailing_zeros(simd.bits(lacking)))
+        number = simd.read(ids, start + simd.trailing_zeros(simd.bits(lacking)))
         same = lacking & (numbers == number)
         rows = simd.select(same, add_row(cache, number), rows)
         lacking = lacking & ~same
@@ -120,35 +120,41 @@ def find_rows(cache: Any, ids: Any, at: int, seen: Lane) -> Lane:
 @helper
 def gather_records(cache: Any, textured: Any, colored: Any, row: Lane) -> Any:
     """The columns of records, in lanes."""
-    at = row * cache.record.shape[1]
-    first, second = simd.gather_rows(cache.record, at, 8), simd.gather_rows(cache.record, at, 8, 8)
+    offset = row * cache.record.shape[1]
+    first, second = simd.gather_rows(cache.record, offset, 8), simd.gather_rows(cache.record, offset, 8, 8)
     if textured is None:
         return first, second, first, first, first
-    third = simd.gather_rows(cache.record, at, 8, 16)
+    third = simd.gather_rows(cache.record, offset, 8, 16)
     if colored is None:
         return first, second, third, first, first
-    return first, second, third, simd.gather_rows(cache.record, at, 8, 24), simd.gather_rows(cache.record, at, 8, 32)
+    return first, second, third, simd.gather_rows(cache.record, offset, 8, 24), simd.gather_rows(cache.record, offset, 8, 32)
 
 
 @helper
 def broadcast_record(cache: Any, textured: Any, colored: Any, row: int) -> Any:
     """The columns of one record, equal in all lanes."""
-    at = row * cache.record.shape[1]
-    first, second = broadcast8(cache.record, at), broadcast8(cache.record, at + 8)
+    offset = row * cache.record.shape[1]
+    first, second = broadcast8(cache.record, offset), broadcast8(cache.record, offset + 8)
     if textured is None:
         return first, second, first, first, first
     if colored is None:
-        return first, second, broadcast8(cache.record, at + 16), first, first
-    return first, second, broadcast8(cache.record, at + 16), broadcast8(cache.record, at + 24), broadcast8(cache.record, at + 32)
+        return first, second, broadcast8(cache.record, offset + 16), first, first
+    return (
+        first,
+        second,
+        broadcast8(cache.record, offset + 16),
+        broadcast8(cache.record, offset + 24),
+        broadcast8(cache.record, offset + 32),
+    )
 
 
 @helper
-def broadcast8(table: Any, at: int) -> Any:
+def broadcast8(table: Any, offset: int) -> Any:
     """Eight numbers, equal in all lanes."""
     return (
-        simd.f32x16(simd.read(table, at)), simd.f32x16(simd.read(table, at + 1)), simd.f32x16(simd.read(table, at + 2)),
-        simd.f32x16(simd.read(table, at + 3)), simd.f32x16(simd.read(table, at + 4)), simd.f32x16(simd.read(table, at + 5)),
-        simd.f32x16(simd.read(table, at + 6)), simd.f32x16(simd.read(table, at + 7)),
+        simd.f32x16(simd.read(table, offset)), simd.f32x16(simd.read(table, offset + 1)), simd.f32x16(simd.read(table, offset + 2)),
+        simd.f32x16(simd.read(table, offset + 3)), simd.f32x16(simd.read(table, offset + 4)), simd.f32x16(simd.read(table, offset + 5)),
+        simd.f32x16(simd.read(table, offset + 6)), simd.f32x16(simd.read(table, offset + 7)),
     )  # fmt: skip
 
 

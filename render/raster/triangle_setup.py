@@ -24,6 +24,10 @@ STEEP = np.float32(4.0)  # largest ratio of the corners' keys of a small triangl
 OUTSIDE = 1 << 28  # larger coordinates need clipping
 CLIPPED = -(1 << 31)  # x of vertices that need clipping
 STRIDE = QUEUE + 32
+E0, E1, E2, DX0, DY0, DX1, DY1, DX2, DY2, BLOCK, START, ID, SIZE = (k * STRIDE for k in range(13))
+"""First elements of columns of `small_ints`: edge functions, edges, first block, its place, the triangle's id, blocks across and down."""
+KEY, STEP_X, STEP_Y, LOW, HIGH = (k * STRIDE for k in range(5))
+"""First elements of columns of `small_floats`: the depth plane and the range of keys."""
 
 
 class PixelBox(NamedTuple):
@@ -120,9 +124,13 @@ def transform_vertices(projection: Any, pattern: Any, meshlets: Any, i: int, m: 
 
 
 @helper
-def snap_vertices(projection: Any, meshlets: Any, i: int, at: int) -> Any:
+def snap_vertices(projection: Any, meshlets: Any, i: int, first_vertex: int) -> Any:
     """x, y in 1/256 pixel and key of eight vertices, bit for bit as view_geometry.to_clip and scalar_raster.snap."""
-    x, y, z = simd.load(meshlets.x, at, simd.f64x8), simd.load(meshlets.y, at, simd.f64x8), simd.load(meshlets.z, at, simd.f64x8)
+    x, y, z = (
+        simd.load(meshlets.x, first_vertex, simd.f64x8),
+        simd.load(meshlets.y, first_vertex, simd.f64x8),
+        simd.load(meshlets.z, first_vertex, simd.f64x8),
+    )
     m = projection.matrix
     cx = m[i, 0, 0] * x + m[i, 0, 1] * y + m[i, 0, 2] * z + m[i, 0, 3]
     cy = m[i, 1, 0] * x + m[i, 1, 1] * y + m[i, 1, 2] * z + m[i, 1, 3]
@@ -135,25 +143,25 @@ def snap_vertices(projection: Any, meshlets: Any, i: int, at: int) -> Any:
 
 
 @helper
-def setup_triangles(projection: Any, pattern: Any, meshlets: Any, at: int, count: int, number: int, band: Any, small: int,
+def setup_triangles(projection: Any, pattern: Any, meshlets: Any, slot: int, count: int, number: int, band: Any, small: int,
                     large: int) -> tuple[int, int]:  # fmt: skip
-    """Set up sixteen triangles from slot `at` on, of which `count` exist: fills tiny ones, queues others.
+    """Set up sixteen triangles from slot `slot` on, of which `count` exist: fills tiny ones, queues others.
 
     `number` is the id of the first. Returns the lengths of the queues of small and large triangles.
     """
-    one = simd.gather_rows(band.vertices, simd.load(meshlets.a, at, 16) * 4, 4)
-    two = simd.gather_rows(band.vertices, simd.load(meshlets.b, at, 16) * 4, 4)
-    three = simd.gather_rows(band.vertices, simd.load(meshlets.c, at, 16) * 4, 4)
-    x0, y0, x1, y1, x2, y2 = one[0], one[1], two[0], two[1], three[0], three[1]
-    k0, k1, k2 = simd.bits_float(one[2]), simd.bits_float(two[2]), simd.bits_float(three[2])
-    there = simd.first_lanes(count, x0)
+    corner0 = simd.gather_rows(band.vertices, simd.load(meshlets.a, slot, 16) * 4, 4)
+    corner1 = simd.gather_rows(band.vertices, simd.load(meshlets.b, slot, 16) * 4, 4)
+    corner2 = simd.gather_rows(band.vertices, simd.load(meshlets.c, slot, 16) * 4, 4)
+    x0, y0, x1, y1, x2, y2 = corner0[0], corner0[1], corner1[0], corner1[1], corner2[0], corner2[1]
+    k0, k1, k2 = simd.bits_float(corner0[2]), simd.bits_float(corner1[2]), simd.bits_float(corner2[2])
+    exists = simd.first_lanes(count, x0)
     west, east = simd.minimum(x0, simd.minimum(x1, x2)), simd.maximum(x0, simd.maximum(x1, x2))
     north, south = simd.minimum(y0, simd.minimum(y1, y2)), simd.maximum(y0, simd.maximum(y1, y2))
     ids = number + simd.iota(x0)
-    cut = (west == CLIPPED) & there
-    left, above = (west + (255 - pattern.high_x)) >> 8, (north + (255 - pattern.high_y)) >> 8
-    box = PixelBox(left, above, (east - pattern.low_x) >> 8, (south - pattern.low_y) >> 8)
-    active = there & ~cut & (simd.maximum(box.left, band.clip[0]) <= simd.minimum(box.right, band.clip[2] - 1))
+    cut = (west == CLIPPED) & exists
+    first_column, first_row = (west + (255 - pattern.high_x)) >> 8, (north + (255 - pattern.high_y)) >> 8
+    box = PixelBox(first_column, first_row, (east - pattern.low_x) >> 8, (south - pattern.low_y) >> 8)
+    active = exists & ~cut & (simd.maximum(box.left, band.clip[0]) <= simd.minimum(box.right, band.clip[2] - 1))
     active = active & (simd.maximum(box.above, band.clip[1]) <= simd.minimum(box.below, band.clip[3] - 1))
     if not simd.any_of(active | cut):
         return small, large
@@ -168,26 +176,26 @@ def setup_triangles(projection: Any, pattern: Any, meshlets: Any, at: int, count
     active = active & fits & (area != 0)
     if not simd.any_of(active):
         return small, large
-    triangles = orient(ids, one, two, three, area)
+    triangles = orient(ids, corner0, corner1, corner2, area)
     tiny = active & (box.right - box.left <= 1) & (box.below - box.above <= 1)
     if simd.any_of(tiny):
         fill_tiny(pattern, band, triangles, tiny, box)
-    rest = active & ~tiny
-    if simd.any_of(rest):
-        simd.write(band.small_mask, small >> 4, simd.bits(rest))
+    queued = active & ~tiny
+    if simd.any_of(queued):
+        simd.write(band.small_mask, small >> 4, simd.bits(queued))
         queue_small(band, small, triangles, box, low, high)
         small += 16
     return small, large
 
 
 @helper
-def orient(ids: Lane, one: Any, two: Any, three: Any, area: Lane) -> TriangleSetup:
+def orient(ids: Lane, corner0: Any, corner1: Any, corner2: Any, area: Lane) -> TriangleSetup:
     """The setup of triangles of three corners (x, y, bits of the key) each; those of negative `area` swap the second and third."""
     turned = area < 0
-    x0, y0, k0 = one[0], one[1], simd.bits_float(one[2])
-    x1, x2 = simd.select(turned, three[0], two[0]), simd.select(turned, two[0], three[0])
-    y1, y2 = simd.select(turned, three[1], two[1]), simd.select(turned, two[1], three[1])
-    second, third = simd.bits_float(two[2]), simd.bits_float(three[2])
+    x0, y0, k0 = corner0[0], corner0[1], simd.bits_float(corner0[2])
+    x1, x2 = simd.select(turned, corner2[0], corner1[0]), simd.select(turned, corner1[0], corner2[0])
+    y1, y2 = simd.select(turned, corner2[1], corner1[1]), simd.select(turned, corner1[1], corner2[1])
+    second, third = simd.bits_float(corner1[2]), simd.bits_float(corner2[2])
     k1, k2 = simd.select(turned, third, second), simd.select(turned, second, third)
     scale = 1.0 / simd.to_f32(abs(area))
     k1, k2 = (k1 - k0) * scale, (k2 - k0) * scale
@@ -227,16 +235,16 @@ def queue_small(band: Any, small: int, t: TriangleSetup, box: PixelBox, low: Lan
     step_y = simd.to_f32(t.dx1) * t.k1 + simd.to_f32(t.dx2) * t.k2
     write_columns(band.small_floats, small, (key, step_x * -256.0, step_y * 256.0, low, high))
     write_columns(band.small_ints, small, (e0 + t.h0, e1 + t.h1, e2 + t.h2, t.dx0, t.dy0, t.dx1, t.dy1, t.dx2, t.dy2))
-    write_columns(band.small_ints, small + 9 * STRIDE, (
+    write_columns(band.small_ints, small + BLOCK, (
         by * (band.window[2] >> 2) + bx, cx | (cy << 16), t.ids, (right - bx) | ((below - by) << 16)
     ))  # fmt: skip
 
 
 @helper
-def write_columns(array: Any, at: int, columns: Any) -> None:
-    """Write vectors to columns of the queue from place `at` on."""
+def write_columns(array: Any, place: int, columns: Any) -> None:
+    """Write vectors to columns of the queue from place `place` on."""
     for k in range(len(columns)):
-        simd.store(array, at + k * STRIDE, columns[k])
+        simd.store(array, place + k * STRIDE, columns[k])
 
 
 @helper
@@ -266,11 +274,11 @@ def fill_tiny(pattern: Any, band: Any, t: TriangleSetup, tiny: Lane, box: PixelB
 
 
 @helper
-def depth_test_lanes(band: Any, left: int) -> None:
-    """Depth-test the samples in band.tiny, of the lanes `left` (bits)."""
-    while left:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
+def depth_test_lanes(band: Any, lanes: int) -> None:
+    """Depth-test the samples in band.tiny, of the lanes `lanes` (bits)."""
+    while lanes:
+        k = simd.trailing_zeros(lanes)
+        lanes &= lanes - 1
         key = simd.bits_float(simd.read(band.tiny, k))
         place, number = simd.read(band.tiny, k + 16), simd.read(band.tiny, k + 32)
         old = simd.read(band.key, place)
@@ -283,46 +291,46 @@ def depth_test_lanes(band: Any, left: int) -> None:
 def fill_small(pattern, band, count):
     """Fill the queue of small triangles."""
     for start in range(0, count, 16):
-        left = simd.read(band.small_mask, start >> 4)
-        while left:
-            fill_blocks(pattern, band, start + simd.trailing_zeros(left))
-            left &= left - 1
+        lanes = simd.read(band.small_mask, start >> 4)
+        while lanes:
+            fill_blocks(pattern, band, start + simd.trailing_zeros(lanes))
+            lanes &= lanes - 1
 
 
 @helper
 def fill_blocks(pattern: Any, band: Any, n: int) -> None:
     """Fill small triangle n of the queue, block by block."""
     samples = len(pattern.x)
-    whole, real = band.small_ints, band.small_floats
+    ints, floats = band.small_ints, band.small_floats
     column, line = in_block(simd.iota(simd.i32x16(0)))
     across, down = simd.to_f32(column), simd.to_f32(line)
     columns = band.window[2] >> 2
-    dx0, dy0 = simd.read(whole, n + 3 * STRIDE), simd.read(whole, n + 4 * STRIDE)
-    dx1, dy1 = simd.read(whole, n + 5 * STRIDE), simd.read(whole, n + 6 * STRIDE)
-    dx2, dy2 = simd.read(whole, n + 7 * STRIDE), simd.read(whole, n + 8 * STRIDE)
-    block, start, size = simd.read(whole, n + 9 * STRIDE), simd.read(whole, n + 10 * STRIDE), simd.read(whole, n + 12 * STRIDE)
-    number = simd.i32x16(simd.read(whole, n + 11 * STRIDE))
-    step_x, step_y = simd.f32x16(simd.read(real, n + STRIDE)), simd.f32x16(simd.read(real, n + 2 * STRIDE))
-    low, high = simd.f32x16(simd.read(real, n + 3 * STRIDE)), simd.f32x16(simd.read(real, n + 4 * STRIDE))
+    dx0, dy0 = simd.read(ints, n + DX0), simd.read(ints, n + DY0)
+    dx1, dy1 = simd.read(ints, n + DX1), simd.read(ints, n + DY1)
+    dx2, dy2 = simd.read(ints, n + DX2), simd.read(ints, n + DY2)
+    block, start, size = simd.read(ints, n + BLOCK), simd.read(ints, n + START), simd.read(ints, n + SIZE)
+    number = simd.i32x16(simd.read(ints, n + ID))
+    step_x, step_y = simd.f32x16(simd.read(floats, n + STEP_X)), simd.f32x16(simd.read(floats, n + STEP_Y))
+    low, high = simd.f32x16(simd.read(floats, n + LOW)), simd.f32x16(simd.read(floats, n + HIGH))
     right0, right1, right2 = simd.i32x16(dy0), simd.i32x16(dy1), simd.i32x16(dy2)
     below0, below1, below2 = simd.i32x16(dx0), simd.i32x16(dx1), simd.i32x16(dx2)
     inner0, inner1, inner2 = line * below0 - column * right0, line * below1 - column * right1, line * below2 - column * right2
     right0, right1, right2 = right0 << 2, right1 << 2, right2 << 2
     below0, below1, below2 = below0 << 2, below1 << 2, below2 << 2
-    plane = simd.fma(across, step_x, simd.fma(down, step_y, simd.f32x16(simd.read(real, n))))
+    plane = simd.fma(across, step_x, simd.fma(down, step_y, simd.f32x16(simd.read(floats, n))))
     column_0, row_0 = start & 0xFFFF, start >> 16
     for s in range(samples):
         sx, sy = pattern.x[s], pattern.y[s]
-        row0 = inner0 + ((simd.read(whole, n) + sy * dx0 - sx * dy0) >> 8)
-        row1 = inner1 + ((simd.read(whole, n + STRIDE) + sy * dx1 - sx * dy1) >> 8)
-        row2 = inner2 + ((simd.read(whole, n + 2 * STRIDE) + sy * dx2 - sx * dy2) >> 8)
+        row0 = inner0 + ((simd.read(ints, n) + sy * dx0 - sx * dy0) >> 8)
+        row1 = inner1 + ((simd.read(ints, n + E1) + sy * dx1 - sx * dy1) >> 8)
+        row2 = inner2 + ((simd.read(ints, n + E2) + sy * dx2 - sx * dy2) >> 8)
         in_row = simd.fma(step_y, simd.f32x16(np.float32(sy / 256.0)), simd.fma(step_x, simd.f32x16(np.float32(sx / 256.0)), plane))
         first = (block * samples + s) * 16
         for row in range((size >> 16) + 1):
             e0, e1, e2, place = row0, row1, row2, first
             key_row = simd.fma(step_y, simd.f32x16(simd.read(band.offsets, row_0 + row)), in_row)
-            for at in range(column_0, column_0 + (size & 0xFFFF) + 1):
-                key = simd.fma(step_x, simd.f32x16(simd.read(band.offsets, at)), key_row)
+            for block_column in range(column_0, column_0 + (size & 0xFFFF) + 1):
+                key = simd.fma(step_x, simd.f32x16(simd.read(band.offsets, block_column)), key_row)
                 depth_test_block(band, place, (e0 | e1 | e2) >= 0, simd.maximum(simd.minimum(key, high), low), number)
                 e0, e1, e2 = e0 - right0, e1 - right1, e2 - right2
                 place += samples * 16
@@ -333,7 +341,7 @@ def fill_blocks(pattern: Any, band: Any, n: int) -> None:
 @helper
 def depth_test_block(band: Any, place: int, covered: Any, key: Any, number: Any) -> None:
     """Depth-test a triangle at the covered samples of a block; at equal keys the lowest id wins."""
-    old, there = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
-    nearer = covered & ((key > old) | ((key == old) & (number < there)))
+    old, old_ids = simd.load_aligned(band.key, place, simd.f32x16), simd.load_aligned(band.ids, place, simd.i32x16)
+    nearer = covered & ((key > old) | ((key == old) & (number < old_ids)))
     simd.store_aligned(band.key, place, simd.select(nearer, key, old))
-    simd.store_aligned(band.ids, place, simd.select(nearer, number, there))
+    simd.store_aligned(band.ids, place, simd.select(nearer, number, old_ids))

@@ -158,16 +158,16 @@ def pixel_boxes(tables: ir.Tables, view: View, chosen: NDArray[np.intp]) -> NDAr
     bounds = tables.geometries.bounds[tables.instances.geometry[chosen]]
     corners = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
     points = np.take_along_axis(bounds, np.broadcast_to(corners, (len(chosen), 8, 3)), axis=1)
-    found = np.empty((len(chosen), 4))
+    boxes = np.empty((len(chosen), 4))
     with np.errstate(all="ignore"):
         matrix = clip_matrices(tables, view)[chosen]
         clipped = np.einsum("nij,nkj->nki", matrix[:, :, :3], points) + matrix[:, None, :, 3]
         w = clipped[..., 2:3]
-        at = clipped[..., :2] / w
-        found[:, :2], found[:, 2:] = np.floor(at.min(axis=1)) - MARGIN, np.ceil(at.max(axis=1)) + MARGIN
-        whole = ~(np.isfinite(found).all(axis=1) & (w.min(axis=(1, 2)) > 0.0))
-    found[whole] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
-    return np.clip(found, -_EVERYWHERE, _EVERYWHERE).astype(np.int32)
+        projected = clipped[..., :2] / w
+        boxes[:, :2], boxes[:, 2:] = np.floor(projected.min(axis=1)) - MARGIN, np.ceil(projected.max(axis=1)) + MARGIN
+        unbounded = ~(np.isfinite(boxes).all(axis=1) & (w.min(axis=(1, 2)) > 0.0))
+    boxes[unbounded] = -_EVERYWHERE, -_EVERYWHERE, _EVERYWHERE, _EVERYWHERE
+    return np.clip(boxes, -_EVERYWHERE, _EVERYWHERE).astype(np.int32)
 
 
 # --- clusters ------------------------------------------------------------------------------------------------------------
@@ -193,11 +193,11 @@ def clusters(model: Any, ranges: NDArray[np.int64], tables: ir.Tables, view: Vie
     first, count, none = np.empty(total, np.int32), np.empty(total, np.int32), np.empty(0, np.bool_)
     rows = Clusters(np.empty(total, np.int32), first, count, none, np.empty((total, 4), np.int32))
     depth = np.empty(total)
-    found = _cull_clusters(model, keys, starts, which.ravel(), boxes, view, margin, rows, depth)
-    order = np.argsort(depth[:found], kind="stable")
-    instance = rows.instance[:found][order]
-    box = np.ascontiguousarray(rows.box[:found][order])
-    return Clusters(instance, first[:found][order], count[:found][order], by_polygon[instance], box)
+    visible_count = _cull_clusters(model, keys, starts, which.ravel(), boxes, view, margin, rows, depth)
+    order = np.argsort(depth[:visible_count], kind="stable")
+    instance = rows.instance[:visible_count][order]
+    box = np.ascontiguousarray(rows.box[:visible_count][order])
+    return Clusters(instance, first[:visible_count][order], count[:visible_count][order], by_polygon[instance], box)
 
 
 @kernel
@@ -229,7 +229,7 @@ def _cull_clusters(model, keys, starts, which, boxes, view, margin, clusters, de
     """Write the visible clusters of all instances, and their least depths; returns their number."""
     corner = np.empty((8, COLUMNS))
     point = np.ones((1, 4))
-    found = 0
+    visible_count = 0
     for i in range(len(which)):
         m = which[i]
         for c in range(starts[m], starts[m + 1]):
@@ -239,14 +239,14 @@ def _cull_clusters(model, keys, starts, which, boxes, view, margin, clusters, de
                     for axis in range(3):
                         point[0, axis] = boxes[c, axis + 3 * ((k >> axis) & 1)]
                     to_clip(model.matrix, i, point, 0, corner, k)
-            nearest = project_box(corner, model.planes, view, margin, endless, clusters.box[found])
+            nearest = project_box(corner, model.planes, view, margin, endless, clusters.box[visible_count])
             if nearest == np.inf:
                 continue
-            clusters.instance[found], depth[found] = i, nearest
-            clusters.first[found] = keys[m, 0] + (c - starts[m]) * CLUSTER
-            clusters.count[found] = min(CLUSTER, keys[m, 0] + keys[m, 1] - clusters.first[found])
-            found += 1
-    return found
+            clusters.instance[visible_count], depth[visible_count] = i, nearest
+            clusters.first[visible_count] = keys[m, 0] + (c - starts[m]) * CLUSTER
+            clusters.count[visible_count] = min(CLUSTER, keys[m, 0] + keys[m, 1] - clusters.first[visible_count])
+            visible_count += 1
+    return visible_count
 
 
 @helper

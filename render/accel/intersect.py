@@ -42,11 +42,11 @@ def closest_hit(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible_b
             lane = np.flatnonzero(active & ((tables.instances.visible[i] & visible_bit) != 0))
             if len(lane) == 0:
                 continue
-            found = _intersect_instance(tables, i, _rows(rays, lane), partial[i])[0]
-            nearer = found.t < t[lane]
+            hits = _intersect_instance(tables, i, _rows(rays, lane), partial[i])[0]
+            nearer = hits.t < t[lane]
             lane = lane[nearer]
-            t[lane], instance[lane], primitive[lane] = found.t[nearer], i, found.primitive[nearer]
-            u[lane], v[lane] = found.u[nearer], found.v[nearer]
+            t[lane], instance[lane], primitive[lane] = hits.t[nearer], i, hits.primitive[nearer]
+            u[lane], v[lane] = hits.u[nearer], hits.v[nearer]
     return Hit(t, instance, primitive, u, v)
 
 
@@ -68,9 +68,9 @@ def transmittance(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, visible
     return share
 
 
-def attenuate(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, given: Vec, visible_bit: int = SHADOW) -> Vec:
-    """The light `given` times the transmittance of instances with `visible_bit` between t_min and t_max; 0 for inactive rays."""
-    return ops.scale(given, np.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
+def attenuate(accel: Any, tables: ir.Tables, ray: Ray, active: Lane, radiance: Vec, visible_bit: int = SHADOW) -> Vec:
+    """The light `radiance` times the transmittance of instances with `visible_bit` between t_min and t_max; 0 for inactive rays."""
+    return ops.scale(radiance, np.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
 
 
 def _flat(ray: Ray, active: Lane) -> tuple[np.ndarray, np.ndarray]:
@@ -96,8 +96,8 @@ def _intersect_instance(tables: ir.Tables, i: int, ray: Ray, partial: bool, thro
 
     def cover(rows: np.ndarray, t: np.ndarray, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Opacity of the surface at the hits of rays `rows`."""
-        one = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
-        return alpha.opacity_at(tables, interaction.make_interaction(tables, one, Hit(t, np.full(len(rows), i), primitive, u, v)))
+        rays = Ray(_some(ray.origin, rows), _some(ray.direction, rows), 0.0, np.inf, None if ray.time is None else ray.time[rows])
+        return alpha.opacity_at(tables, interaction.make_interaction(tables, rays, Hit(t, np.full(len(rows), i), primitive, u, v)))
 
     if kind == MESH:
         return _intersect_mesh(tables, geometry, Ray(o, d, ray.t_min, ray.t_max), cover if partial else None)
@@ -108,10 +108,10 @@ def _intersect_instance(tables: ir.Tables, i: int, ray: Ray, partial: bool, thro
         if not partial:
             return Hit(t, zero, part, u, v), np.where(t < np.inf, 0.0, share)
         hit_rows = np.flatnonzero(t < np.inf)
-        there = np.zeros(len(t))
-        there[hit_rows] = cover(hit_rows, t[hit_rows], part[hit_rows], u[hit_rows], v[hit_rows])
-        share = share * (1.0 - there)
-        on = (t < np.inf) & ((share > 0.0) if through else (there == 0.0))
+        opacity = np.zeros(len(t))
+        opacity[hit_rows] = cover(hit_rows, t[hit_rows], part[hit_rows], u[hit_rows], v[hit_rows])
+        share = share * (1.0 - opacity)
+        on = (t < np.inf) & ((share > 0.0) if through else (opacity == 0.0))
         if not on.any():
             return Hit(t, zero, part, u, v), share
         t_min = np.where(on, onward, np.where(t < np.inf, t_min, np.inf))
@@ -126,8 +126,8 @@ def _intersect_shape(tables: ir.Tables, kind: int, g: int, ray: Ray) -> tuple[np
     from ..formula import numpy_reference, scene_surfaces  # by the definition
 
     tape, parameters = scene_surfaces.tape_of(tables, g), geometries.parameters[g]
-    found = numpy_reference.first_hit(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
-    t, spacing, u, v, _ = found
+    hits = numpy_reference.first_hit(tape, parameters, geometries.bounds[g], ray.origin, ray.direction, ray.t_min, ray.t_max)
+    t, spacing, u, v, _ = hits
     return t, spacing, u, v, shape_hit.next_t(parameters[5], ray.direction, t, spacing)
 
 
@@ -166,9 +166,9 @@ def _intersect_mesh(tables: ir.Tables, g: int, ray: Ray, cover: Callable[..., np
         t, u, v = analytic_shapes.triangle(a, b, c, o, d, ray.t_min[part, None], ray.t_max[part, None])
         if cover is not None:
             row, face = np.nonzero(t < np.inf)
-            there = cover(start + row, t[row, face], first + face, u[row, face], v[row, face])
-            np.multiply.at(share, start + row, 1.0 - there)
-            t[row[there == 0.0], face[there == 0.0]] = np.inf
+            opacity = cover(start + row, t[row, face], first + face, u[row, face], v[row, face])
+            np.multiply.at(share, start + row, 1.0 - opacity)
+            t[row[opacity == 0.0], face[opacity == 0.0]] = np.inf
         k = np.argmin(t, axis=1)[:, None]
         best.t[part], best.primitive[part] = np.take_along_axis(t, k, 1)[:, 0], first + k[:, 0]
         best.u[part], best.v[part] = np.take_along_axis(u, k, 1)[:, 0], np.take_along_axis(v, k, 1)[:, 0]
@@ -229,10 +229,10 @@ def _transmittance_kernel(accel, tables, ray, active, visible_bit=SHADOW):
         return None
 
     def with_opacity(accel, tables, ray, active, visible_bit=SHADOW):
-        found = find(accel, ray, active, visible_bit, True)
+        hit = find(accel, ray, active, visible_bit, True)
         if motion_alpha.has_no_instances(accel):
-            return ops.where(found.instance >= 0, 0.0, 1.0)
-        return ops.where(found.instance >= 0, 0.0, found.u)
+            return ops.where(hit.instance >= 0, 0.0, 1.0)
+        return ops.where(hit.instance >= 0, 0.0, hit.u)
 
     def opaque(accel, tables, ray, active, visible_bit=SHADOW):
         return ops.where(find(accel, ray, active, visible_bit, True).instance >= 0, 0.0, 1.0)
@@ -241,16 +241,16 @@ def _transmittance_kernel(accel, tables, ray, active, visible_bit=SHADOW):
 
 
 @overload(attenuate)
-def _attenuate_kernel(accel, tables, ray, active, given, visible_bit=SHADOW):
+def _attenuate_kernel(accel, tables, ray, active, radiance, visible_bit=SHADOW):
     if not crosslane.is_mask(active):
         return None
 
-    def with_opacity(accel, tables, ray, active, given, visible_bit=SHADOW):
-        return ops.scale(given, ops.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
+    def with_opacity(accel, tables, ray, active, radiance, visible_bit=SHADOW):
+        return ops.scale(radiance, ops.where(active, transmittance(accel, tables, ray, active, visible_bit), 0.0))
 
-    def opaque(accel, tables, ray, active, given, visible_bit=SHADOW):
-        zero = ops.full_like(given[0], 0.0)
+    def opaque(accel, tables, ray, active, radiance, visible_bit=SHADOW):
+        zero = ops.full_like(radiance[0], 0.0)
         blocked = find(accel, ray, active, visible_bit, True).instance >= 0
-        return ops.where3(active & ops.not_(blocked), given, (zero, zero, zero))
+        return ops.where3(active & ops.not_(blocked), radiance, (zero, zero, zero))
 
     return with_opacity if motion_alpha.has_opacity(accel) else opaque

@@ -26,22 +26,22 @@ def _height(forms: Any, k: int, origin: Vec, direction: Vec) -> Lane:
 
 @helper
 def _form(forms: Any, k: int, row: int, point: Vec) -> Lane:
-    rest = ops.full_like(point[0], forms[k, row + 3])
-    return ops.fma(point[0], forms[k, row], ops.fma(point[1], forms[k, row + 1], ops.fma(point[2], forms[k, row + 2], rest)))
+    constant = ops.full_like(point[0], forms[k, row + 3])
+    return ops.fma(point[0], forms[k, row], ops.fma(point[1], forms[k, row + 1], ops.fma(point[2], forms[k, row + 2], constant)))
 
 
 @helper
 def intersect_ball(balls: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lane, Lane]:
-    """(near, far) t at which rays of unit direction enter and leave intersect_ball k; far < near where they miss it.
+    """(near, far) t at which rays of unit direction enter and leave ball k; far < near where they miss it.
 
     The discriminant uses the vector from the center to the nearest point of the ray, which stays precise far away.
     """
     way = (balls[k, 0] - origin[0], balls[k, 1] - origin[1], balls[k, 2] - origin[2])
     middle = ops.dot(way, direction)
     off = ops.sub(way, ops.scale(direction, middle))
-    rest = balls[k, 3] * balls[k, 3] - ops.dot(off, off)
-    half = ops.sqrt(ops.maximum(rest, 0.0))
-    hit = rest > 0.0
+    discriminant = balls[k, 3] * balls[k, 3] - ops.dot(off, off)
+    half = ops.sqrt(ops.maximum(discriminant, 0.0))
+    hit = discriminant > 0.0
     return ops.where(hit, middle - half, 1.0), ops.where(hit, middle + half, -1.0)
 
 
@@ -80,9 +80,9 @@ def _intersect_box(boxes: Any, k: int, origin: Vec, direction: Vec) -> tuple[Lan
     fx, fy, fz = ops.maximum(x0, x1), ops.maximum(y0, y1), ops.maximum(z0, z1)
     near, far = ops.maximum(nx, ops.maximum(ny, nz)), ops.minimum(fx, ops.minimum(fy, fz))
     faces = (ops.where(dx < 0.0, 1, 0), ops.where(dy < 0.0, 3, 2), ops.where(dz < 0.0, 5, 4))
-    entered = ops.where(near == nx, faces[0], ops.where(near == ny, faces[1], faces[2]))
-    left = ops.where(far == fx, 1 - faces[0], ops.where(far == fy, 5 - faces[1], 9 - faces[2]))
-    return near, far, entered, left
+    entry_face = ops.where(near == nx, faces[0], ops.where(near == ny, faces[1], faces[2]))
+    exit_face = ops.where(far == fx, 1 - faces[0], ops.where(far == fy, 5 - faces[1], 9 - faces[2]))
+    return near, far, entry_face, exit_face
 
 
 @helper
@@ -94,38 +94,38 @@ def _slope(forms: Any, k: int, row: int, direction: Vec) -> Lane:
 def closest(pieces: Any, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane) -> tuple[Lane, Lane, Lane, Lane]:
     """(t, row of PrimitiveRecords or -1, a, b) of the first hits between t_min and t_max."""
     forms, numbers = pieces.forms, pieces.numbers
-    best, found, a, b = t_max, ops.int_like(t_max, -1), ops.full_like(t_max, 0.0), ops.full_like(t_max, 0.0)
+    best, nearest_row, a, b = t_max, ops.int_like(t_max, -1), ops.full_like(t_max, 0.0), ops.full_like(t_max, 0.0)
     for k in range(pieces.triangles):
-        t, _, _, there = _intersect_quad(forms, k, origin, direction, False)
-        there = there & (t > t_min) & (t < best)
-        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+        t, _, _, is_hit = _intersect_quad(forms, k, origin, direction, False)
+        is_hit = is_hit & (t > t_min) & (t < best)
+        best, nearest_row = ops.where(is_hit, t, best), ops.where(is_hit, numbers[k], nearest_row)
     for k in range(pieces.triangles, pieces.disks):
-        t, u, v, there = _intersect_quad(forms, k, origin, direction, True)
-        there = there & (t > t_min) & (t < best)
-        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
-        a, b = ops.where(there, u, a), ops.where(there, v, b)
+        t, u, v, is_hit = _intersect_quad(forms, k, origin, direction, True)
+        is_hit = is_hit & (t > t_min) & (t < best)
+        best, nearest_row = ops.where(is_hit, t, best), ops.where(is_hit, numbers[k], nearest_row)
+        a, b = ops.where(is_hit, u, a), ops.where(is_hit, v, b)
     for k in range(pieces.disks, pieces.planes):
-        t, there = _intersect_round(forms, k, origin, direction, False)
-        there = there & (t > t_min) & (t < best)
-        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+        t, is_hit = _intersect_round(forms, k, origin, direction, False)
+        is_hit = is_hit & (t > t_min) & (t < best)
+        best, nearest_row = ops.where(is_hit, t, best), ops.where(is_hit, numbers[k], nearest_row)
     for k in range(pieces.planes, len(forms)):
-        t, there = _intersect_round(forms, k, origin, direction, True)
-        there = there & (t > t_min) & (t < best)
-        best, found = ops.where(there, t, best), ops.where(there, numbers[k], found)
+        t, is_hit = _intersect_round(forms, k, origin, direction, True)
+        is_hit = is_hit & (t > t_min) & (t < best)
+        best, nearest_row = ops.where(is_hit, t, best), ops.where(is_hit, numbers[k], nearest_row)
     for k in range(len(pieces.boxes)):
-        near, far, entered, left = _intersect_box(pieces.boxes, k, origin, direction)
+        near, far, entry_face, exit_face = _intersect_box(pieces.boxes, k, origin, direction)
         outside = near > t_min
         t = ops.where(outside, near, far)
-        there = (near <= far) & (t > t_min) & (t < best)
-        best = ops.where(there, t, best)
-        found = ops.where(there, ops.where(outside, entered, left) + numbers[len(forms) + k], found)
+        is_hit = (near <= far) & (t > t_min) & (t < best)
+        best = ops.where(is_hit, t, best)
+        nearest_row = ops.where(is_hit, ops.where(outside, entry_face, exit_face) + numbers[len(forms) + k], nearest_row)
     first = len(forms) + len(pieces.boxes)
     for k in range(len(pieces.balls)):
         near, far = intersect_ball(pieces.balls, k, origin, direction)
         t = ops.where(near > t_min, near, far)
-        there = (near <= far) & (t > t_min) & (t < best)
-        best, found = ops.where(there, t, best), ops.where(there, numbers[first + k], found)
-    return best, found, a, b
+        is_hit = (near <= far) & (t > t_min) & (t < best)
+        best, nearest_row = ops.where(is_hit, t, best), ops.where(is_hit, numbers[first + k], nearest_row)
+    return best, nearest_row, a, b
 
 
 @helper
@@ -134,17 +134,17 @@ def blocked(pieces: Any, origin: Vec, direction: Vec, t_max: Lane) -> Lane:
     forms = pieces.forms
     hit = ops.bool_like(t_max, False)
     for k in range(pieces.triangles):
-        t, _, _, there = _intersect_quad(forms, k, origin, direction, False)
-        hit = hit | (there & (t > 0.0) & (t < t_max))
+        t, _, _, is_hit = _intersect_quad(forms, k, origin, direction, False)
+        hit = hit | (is_hit & (t > 0.0) & (t < t_max))
     for k in range(pieces.triangles, pieces.disks):
-        t, _, _, there = _intersect_quad(forms, k, origin, direction, True)
-        hit = hit | (there & (t > 0.0) & (t < t_max))
+        t, _, _, is_hit = _intersect_quad(forms, k, origin, direction, True)
+        hit = hit | (is_hit & (t > 0.0) & (t < t_max))
     for k in range(pieces.disks, pieces.planes):
-        t, there = _intersect_round(forms, k, origin, direction, False)
-        hit = hit | (there & (t > 0.0) & (t < t_max))
+        t, is_hit = _intersect_round(forms, k, origin, direction, False)
+        hit = hit | (is_hit & (t > 0.0) & (t < t_max))
     for k in range(pieces.planes, len(forms)):
-        t, there = _intersect_round(forms, k, origin, direction, True)
-        hit = hit | (there & (t > 0.0) & (t < t_max))
+        t, is_hit = _intersect_round(forms, k, origin, direction, True)
+        hit = hit | (is_hit & (t > 0.0) & (t < t_max))
     for k in range(len(pieces.boxes)):
         near, far, _, _ = _intersect_box(pieces.boxes, k, origin, direction)
         hit = hit | ((near <= far) & (far > 0.0) & (near < t_max) & ((near > 0.0) | (far < t_max)))

@@ -79,31 +79,31 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False, general: bool = Fa
     Partly transparent instances are not listed, nor moving ones with `moves`. With `hull` (all lights at finite positions), a primitive
     that has the whole scene and its lights on one side blocks no light. `general` as for triangle_records.build.
     """
-    instances, plain = tables.instances, _is_plain(tables)
-    made: dict[int, list[_Primitive]] = {}
+    instances, is_plain = tables.instances, _is_plain(tables)
+    candidates: dict[int, list[_Primitive]] = {}
     stays = ~traits.partial(tables)[instances.material] & ~light_links.casts_unevenly(tables)
     if moves:
         stays &= tables.transforms.first_key[instances.transform] < 0
     boxes = world_bounds(tables)
     eligible, many = eligible_primitives(tables, boxes)
     for i in np.flatnonzero(stays & eligible).tolist():
-        found = _primitives_of(tables, i)
-        if found:
-            made[i] = found
-    chosen = _choose(boxes, made, many)
+        pieces = _primitives_of(tables, i)
+        if pieces:
+            candidates[i] = pieces
+    chosen = _choose(boxes, candidates, many)
     inside = np.zeros(len(instances.geometry), bool)
     inside[chosen] = True
-    listed = [(i, piece) for i in chosen for piece in made[i]]
+    listed = [(i, piece) for i in chosen for piece in candidates[i]]
     rows = [
-        (*normal, i, piece.primitive + part, instances.material[i], plain[i])
+        (*normal, i, piece.primitive + part, instances.material[i], is_plain[i])
         for i, piece in listed
         for part, normal in enumerate(piece.normals)
     ]
-    own = np.array(rows or [(0.0,) * 8], np.float64)
+    listed_records = np.array(rows or [(0.0,) * 8], np.float64)
     meshes = stays & ~inside & _is_bare(tables) & (tables.geometries.kind[instances.geometry] == ir.GeometryKind.MESH)
-    how = [(i, triangle_records.PLAIN if plain[i] else triangle_records.ROUNDED) for i in np.flatnonzero(meshes).tolist()]
-    more, first, rounded = triangle_records.build(tables, how, len(own), general)
-    records = PrimitiveRecords(np.concatenate([own, more]), first, rounded)
+    how = [(i, triangle_records.PLAIN if is_plain[i] else triangle_records.ROUNDED) for i in np.flatnonzero(meshes).tolist()]
+    more, first, rounded = triangle_records.build(tables, how, len(listed_records), general)
+    records = PrimitiveRecords(np.concatenate([listed_records, more]), first, rounded)
     every = list(range(len(listed)))
     points = _hull_points(tables, inside, listed)
     between = every if points is None else [k for k in every if not _bounds_scene(listed[k][1], points)]
@@ -115,7 +115,7 @@ def build(tables: ir.Tables, hull: bool, moves: bool = False, general: bool = Fa
 def _make_primitives(listed: list[tuple[int, _Primitive]], rows: list[int]) -> Primitives:
     order = sorted(rows, key=lambda k: listed[k][1].kind)
     kinds = np.array([listed[k][1].kind for k in order], int)
-    flat, boxes, balls = ([k for k in order if listed[k][1].kind in of] for of in (range(4), (4,), (5,)))
+    flat, boxes, balls = ([k for k in order if listed[k][1].kind in kind_group] for kind_group in (range(4), (4,), (5,)))
     first = np.cumsum([0, *(len(piece.normals) for _, piece in listed)])
     starts = [int(np.sum(kinds < kind)) for kind in (1, 2, 3)]
     return Primitives(
@@ -135,30 +135,32 @@ def eligible_primitives(tables: ir.Tables, boxes: Rows) -> tuple[NDArray[np.bool
     finite = np.isfinite(boxes).all(axis=1)
     if np.count_nonzero(eligible) <= MOST or not finite.any():
         return eligible, False
-    whole = np.linalg.norm(boxes[finite, 3:].max(axis=0) - boxes[finite, :3].min(axis=0))
-    large = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1) >= 0.99 * SHARE * whole  # `_choose` measures the primitives in the boxes
+    diagonal = np.linalg.norm(boxes[finite, 3:].max(axis=0) - boxes[finite, :3].min(axis=0))
+    large = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1) >= 0.99 * SHARE * diagonal  # `_choose` measures the primitives in the boxes
     return eligible & (large | ~finite), True
 
 
-def _choose(boxes: Rows, made: dict[int, list[_Primitive]], many: bool) -> list[int]:
+def _choose(boxes: Rows, candidates: dict[int, list[_Primitive]], many: bool) -> list[int]:
     """The instances of the list: all where they are few, otherwise the large ones."""
-    cost = {i: sum(piece.cost for piece in found) for i, found in made.items()}
+    cost = {i: sum(piece.cost for piece in pieces) for i, pieces in candidates.items()}
     many = many or sum(cost.values()) > MOST
-    if not many and len(made) == len(boxes):
-        return list(made)
-    finite = {i: np.concatenate([p.corners for p in found]) for i, found in made.items() if all(p.corners is not None for p in found)}
+    if not many and len(candidates) == len(boxes):
+        return list(candidates)
+    finite = {
+        i: np.concatenate([p.corners for p in pieces]) for i, pieces in candidates.items() if all(p.corners is not None for p in pieces)
+    }
     if not finite:
-        return [i for i in made if i not in finite][:LARGE]
-    rest = np.delete(boxes, list(made), axis=0)
-    rest = rest[np.isfinite(rest).all(axis=1)]
-    whole = np.concatenate([*finite.values(), rest[:, :3], rest[:, 3:]])
-    least = SHARE * np.linalg.norm(np.ptp(whole, axis=0))
-    chosen, left = [], LARGE if many else MOST
-    for i in made:
+        return [i for i in candidates if i not in finite][:LARGE]
+    other_boxes = np.delete(boxes, list(candidates), axis=0)
+    other_boxes = other_boxes[np.isfinite(other_boxes).all(axis=1)]
+    points = np.concatenate([*finite.values(), other_boxes[:, :3], other_boxes[:, 3:]])
+    least = SHARE * np.linalg.norm(np.ptp(points, axis=0))
+    chosen, budget = [], LARGE if many else MOST
+    for i in candidates:
         large = i not in finite or np.linalg.norm(np.ptp(finite[i], axis=0)) >= least
-        if large and cost[i] <= left:
+        if large and cost[i] <= budget:
             chosen.append(i)
-            left -= cost[i]
+            budget -= cost[i]
     return chosen
 
 
@@ -174,14 +176,14 @@ def _hull_points(tables: ir.Tables, inside: NDArray[np.bool_], listed: list[tupl
     """Points whose convex hull holds the scene and its lights; None without bounds."""
     if not np.isfinite(tables.geometries.bounds[tables.instances.geometry[~inside]]).all():
         return None
-    found = [_instance_corners(tables, ~inside)]
+    points = [_instance_corners(tables, ~inside)]
     for _, piece in listed:
         if piece.corners is None:
             return None
-        found.append(piece.corners)
-    found.append(tables.lights.position[ir.is_in(tables.lights.kind, POINTS)])
-    found.append(light_corners(tables))
-    return np.concatenate(found)
+        points.append(piece.corners)
+    points.append(tables.lights.position[ir.is_in(tables.lights.kind, POINTS)])
+    points.append(light_corners(tables))
+    return np.concatenate(points)
 
 
 def light_corners(tables: ir.Tables) -> Rows:
@@ -267,33 +269,33 @@ def _mesh_primitives(tables: ir.Tables, i: int, g: int, matrix: Any) -> list[_Pr
     if not 0 < count <= MESH_TRIANGLES or first + count > EXACT:
         return []
     triangles = pools.triangles[first : first + count]
-    at = pools.positions.astype(np.float64)
-    corner = {int(v): at[v] + geometries.origin[g] for v in np.unique(triangles)}
-    found, left = [], list(range(count))
-    whole = _is_plain(tables)[i] and not tables.materials.values[tables.instances.material[i], ir.Slot.EMISSION].any()
-    while left:
-        k = left.pop(0)
+    positions = pools.positions.astype(np.float64)
+    corner = {int(v): positions[v] + geometries.origin[g] for v in np.unique(triangles)}
+    quads, remaining = [], list(range(count))
+    may_pair = _is_plain(tables)[i] and not tables.materials.values[tables.instances.material[i], ir.Slot.EMISSION].any()
+    while remaining:
+        k = remaining.pop(0)
         a, b, c = (corner[int(v)] for v in triangles[k])
-        partner = next((m for m in left if _opposite(triangles[k], triangles[m], corner) is not None), None) if whole else None
+        partner = next((m for m in remaining if _opposite(triangles[k], triangles[m], corner) is not None), None) if may_pair else None
         if partner is not None:
-            left.remove(partner)
+            remaining.remove(partner)
             origin = _opposite(triangles[k], triangles[partner], corner)
             assert origin is not None
             a, b, c = (corner[int(triangles[k][(origin + n) % 3])] for n in range(3))
-            found.append(_quad(matrix, a, b, c, first + k))
+            quads.append(_quad(matrix, a, b, c, first + k))
         else:
-            found.append(_quad(matrix, a, b, c, first + k, 1))
-    return found
+            quads.append(_quad(matrix, a, b, c, first + k, 1))
+    return quads
 
 
-def _opposite(one: Any, other: Any, corner: dict[int, Any]) -> int | None:
+def _opposite(triangle: Any, other: Any, corner: dict[int, Any]) -> int | None:
     """The corner of a triangle opposite the edge shared with another, if both form a parallelogram."""
-    shared = [k for k in range(3) if one[k] in other]
+    shared = [k for k in range(3) if triangle[k] in other]
     if len(shared) != 2:
         return None
     alone = 3 - sum(shared)
-    a, b, c = (corner[int(one[(alone + n) % 3])] for n in range(3))
-    fourth = next(corner[int(v)] for v in other if v not in one)
+    a, b, c = (corner[int(triangle[(alone + n) % 3])] for n in range(3))
+    fourth = next(corner[int(v)] for v in other if v not in triangle)
     return alone if np.abs(b + c - a - fourth).max() <= 1e-6 * np.abs([a, b, c]).max() else None
 
 

@@ -50,27 +50,27 @@ def build(
     bounded = np.logical_and(np.isfinite(boxes).all(axis=1), not brute)
     partial = traits.partial(tables)[instances.material]
     moving = tables.transforms.first_key[instances.transform] >= 0
-    plain = drawable & ~partial & ~(moving & moves)
-    still = np.flatnonzero(plain & (root >= 0))
+    opaque_still = drawable & ~partial & ~(moving & moves)
+    still = np.flatnonzero(opaque_still & (root >= 0))
     instance_extent.tighten_bounds(boxes, still, meshes, root, lambda rows: frames(tables, rows), bounds.SLACK)
-    inside = np.flatnonzero(plain & bounded).astype(np.int32)
+    inside = np.flatnonzero(opaque_still & bounded).astype(np.int32)
     large = inside[tlas.too_large(boxes[inside])]
     if len(large):
         bounded[large] = False
-        inside = np.flatnonzero(plain & bounded).astype(np.int32)
+        inside = np.flatnonzero(opaque_still & bounded).astype(np.int32)
     rows = simd.aligned_empty((len(kind), INSTANCE_ROW), np.int64)
-    found = scene_tables.build_tables(tables, closed, threads)
-    primed = plain & (kind == FORMULA) & formula_tables.have_cells(found)[instances.geometry]
+    forms = scene_tables.build_tables(tables, closed, threads)
+    primed = opaque_still & (kind == FORMULA) & formula_tables.have_cells(forms)[instances.geometry]
     primed &= instances.visible & CAMERA != 0
-    rest = ((CAMERA, CAMERA_REST), (SHADOW, SHADOW_REST))
-    visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in rest)
+    visibility_bits = ((CAMERA, CAMERA_REST), (SHADOW, SHADOW_REST))
+    visible = instances.visible + sum(np.where((instances.visible & bit != 0) & ~primed, more, 0) for bit, more in visibility_bits)
     for k, column in enumerate((visible, instances.transform, instances.geometry, kind, root, 0, 0, 0)):
         rows[:, k] = column
-    unbounded = np.flatnonzero(plain & ~bounded).astype(np.int32)
+    unbounded = np.flatnonzero(opaque_still & ~bounded).astype(np.int32)
     moves = moves and bool(moving.any())
     only = int(inside[0]) if len(inside) == 1 else -1
     top = tlas.build(boxes, inside, threads)
-    motion_alpha = _motion_alpha(tables, boxes, drawable & ~plain, bounded, partial, moves, threads, general)
+    motion_alpha = _motion_alpha(tables, boxes, drawable & ~opaque_still, bounded, partial, moves, threads, general)
     del boxes  # 48 MB of a million instances
     return Bvh(
         wide=meshes,
@@ -82,7 +82,7 @@ def build(
         inverse=_inverses(tables),
         parameters=geometries.parameters,
         origin=geometries.origin,
-        forms=found,
+        forms=forms,
         rest=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
         motion_alpha=motion_alpha,
     )

@@ -109,7 +109,7 @@ def split_nodes(tree: BinaryBvh, root: int, free: Any, depth: int, width: int, s
     second's after them, and their spans stand at the start of those rows.
     """
     items, boxes, second, first, count = tree.items, tree.boxes, tree.second, tree.first, tree.count
-    stack, bins, left, before, spans = buffers
+    stack, bins, left_costs, before, spans = buffers
     simd.write(stack, 0, root)
     simd.write(stack, 1, depth)
     simd.store(spans, 0, simd.load(boxes, free * 8, 8))
@@ -128,19 +128,19 @@ def split_nodes(tree: BinaryBvh, root: int, free: Any, depth: int, width: int, s
         plane, axis, stride = -1, 0, max(1, n // _SAMPLES)
         if depth < DEEPEST or n <= width:
             _fill_bins(items, begin, n, stride, low, scale, used, bins)
-            plane, axis = _find_split(simd.load(boxes, node * 8, 8), n, stride, size, used, width, step, bins, left, before)
+            plane, axis = _find_split(simd.load(boxes, node * 8, 8), n, stride, size, used, width, step, bins, left_costs, before)
         if plane == LEAF:
             continue
         if plane < 0:
             middle = begin + n // 2
-            one, other = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
+            box_a, box_b = _enclosing(items, begin, middle), _enclosing(items, middle, begin + n)
             inner, outer = _span(items, begin, middle), _span(items, middle, begin + n)
         else:
-            middle, one, other, inner, outer = _partition(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane)
+            middle, box_a, box_b, inner, outer = _partition(items, begin, n, axis, simd.lane(low, axis), simd.lane(scale, axis), plane)
         a = free + 2 * (middle - begin) - 2 if once else free
         b, free_first, free = a + 1, free, a + 2
-        simd.store(boxes, a * 8, one)
-        simd.store(boxes, b * 8, other)
+        simd.store(boxes, a * 8, box_a)
+        simd.store(boxes, b * 8, box_b)
         second[node] = b
         first[a], count[a], first[b], count[b] = begin, middle - begin, middle, begin + n - middle
         second[a], second[b] = 0, 0
@@ -182,10 +182,10 @@ def _sum_areas(items: Any, begin: int, n: int) -> Any:
 
 @helper
 def _find_split(
-    around: Lane, n: int, stride: int, size: Lane, used: int, width: int, step: float, bins: Any, left: Any, before: Any
+    around: Lane, n: int, stride: int, size: Lane, used: int, width: int, step: float, bins: Any, left_costs: Any, before: Any
 ) -> tuple[int, int]:
     """(first bin of the second child of n items, its axis); LEAF where a leaf costs less, -1 where no plane separates them."""
-    cost, axis, plane = _cheapest_plane(bins, left, before, size, used, np.float32(stride), np.float32(1.0) / np.float32(width))
+    cost, axis, plane = _cheapest_plane(bins, left_costs, before, size, used, np.float32(stride), np.float32(1.0) / np.float32(width))
     if n <= width:
         alone = half_area(around) * (np.float32(1.0) + np.float32(_LATER) * np.float32(n))
         if axis < 0 or alone <= np.float32(step) * half_area(around) + cost:
@@ -201,16 +201,16 @@ def _partition(items: Any, begin: int, n: int, axis: int, base: Any, factor: Any
     """
     first = np.int64(begin)
     none = simd.f32x8(np.inf)
-    one, other, inner, outer = none, none, none, none
+    box_a, box_b, inner, outer = none, none, none, none
     for i in range(begin, begin + n):
         box, front = simd.load(items, i * 8, 8), np.int64(_bin(items, i, axis, base, factor) < plane)
         simd.store(items, i * 8, simd.load(items, first * 8, 8))
         simd.store(items, first * 8, box)
         first += front
         middle, mine = center_of(box), simd.mask_from_bits(-front, box)
-        one, inner = simd.select(mine, simd.minimum(one, box), one), simd.select(mine, simd.minimum(inner, middle), inner)
-        other, outer = simd.select(mine, other, simd.minimum(other, box)), simd.select(mine, outer, simd.minimum(outer, middle))
-    return first, one, other, inner, outer
+        box_a, inner = simd.select(mine, simd.minimum(box_a, box), box_a), simd.select(mine, simd.minimum(inner, middle), inner)
+        box_b, outer = simd.select(mine, box_b, simd.minimum(box_b, box)), simd.select(mine, outer, simd.minimum(outer, middle))
+    return first, box_a, box_b, inner, outer
 
 
 @helper
@@ -243,10 +243,10 @@ def _fill_bins(items: Any, begin: int, n: int, stride: int, low: Lane, scale: La
     for i in range(begin, begin + n, stride):
         box = simd.load(items, i * 8, 8)
         places = simd.to_i32((simd.low_half(box) - simd.high_half(box) - low) * scale) + first
-        at, turn = (turn & (sets - 1)) * _BINS3, turn + 1
-        _add_to_bin(bins, at + np.int64(simd.lane(places, 0)), box)
-        _add_to_bin(bins, at + np.int64(simd.lane(places, 1)), box)
-        _add_to_bin(bins, at + np.int64(simd.lane(places, 2)), box)
+        bin_set, turn = (turn & (sets - 1)) * _BINS3, turn + 1
+        _add_to_bin(bins, bin_set + np.int64(simd.lane(places, 0)), box)
+        _add_to_bin(bins, bin_set + np.int64(simd.lane(places, 1)), box)
+        _add_to_bin(bins, bin_set + np.int64(simd.lane(places, 2)), box)
     for k in range(1, sets):
         for j in range(3 * used):
             _add_to_bin(bins, j, simd.load(bins, (k * _BINS3 + j) * 8, 8))
@@ -265,7 +265,7 @@ def _bin(items: Any, i: int, axis: int, base: Any, factor: Any) -> Any:
 
 
 @helper
-def _cheapest_plane(bins: Any, left: Any, before: Any, size: Lane, used: int, times: Any, share: Any) -> tuple[Any, int, int]:
+def _cheapest_plane(bins: Any, left_costs: Any, before: Any, size: Lane, used: int, times: Any, share: Any) -> tuple[Any, int, int]:
     """(cost, axis, first bin of the second child) of the best plane; axis -1 where none has items on both sides."""
     best, best_axis, best_plane = np.float32(np.inf), -1, 0
     for axis in range(3):
@@ -275,13 +275,13 @@ def _cheapest_plane(bins: Any, left: Any, before: Any, size: Lane, used: int, ti
         for k in range(axis * used, (axis + 1) * used - 1):
             box = _merge(box, simd.load(bins, k * 8, 8))
             n = simd.lane(box, COUNT) * times
-            simd.write(left, k - axis * used, half_area(box) * _item_cost(n, share))
+            simd.write(left_costs, k - axis * used, half_area(box) * _item_cost(n, share))
             simd.write(before, k - axis * used, n)
         box = _empty_box()
         for plane in range(used - 1, 0, -1):
             box = _merge(box, simd.load(bins, (axis * used + plane) * 8, 8))
             n = simd.lane(box, COUNT) * times
-            cost = simd.read(left, plane - 1) + half_area(box) * _item_cost(n, share)
+            cost = simd.read(left_costs, plane - 1) + half_area(box) * _item_cost(n, share)
             if cost < best and n > np.float32(0.0) and simd.read(before, plane - 1) > np.float32(0.0):
                 best, best_axis, best_plane = cost, axis, plane
     return best, best_axis, best_plane

@@ -74,11 +74,11 @@ def build_over_items(items: NDArray[np.float32], around: NDArray[np.float32], th
 
 def allocate_state(mesh: Mesh, n: int, memory: Scratch) -> BuildState:
     """The state of a build of n triangles, with memory for the deepest tree."""
-    found = len(mesh.triangles)
+    triangle_count = len(mesh.triangles)
     most = 2 * (n // PART) * (binned_sah.DEEPEST + n.bit_length()) + 1  # each level splits at most n // PART nodes
     growth = BuildState(
-        mesh, binned_sah.empty(n, memory), wide_collapse.empty(n, memory), wide_collapse.WIDTH if found else 1,
-        np.empty((-(-found // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32),
+        mesh, binned_sah.empty(n, memory), wide_collapse.empty(n, memory), wide_collapse.WIDTH if triangle_count else 1,
+        np.empty((-(-triangle_count // _PIECE), 2, 8), np.float32), np.zeros((most, 8), np.int64), np.empty(most, np.float32),
         np.zeros(most, np.int64), np.zeros(6 * 8, np.int64), np.empty((most + 1, 3), np.int64), np.empty(3, np.int64),
     )  # fmt: skip
     growth.tasks[0, FREE], growth.counters[MADE], growth.counters[LEFT] = 1, 1, n
@@ -156,7 +156,7 @@ def _compute_boxes(growth: Any) -> None:
 @helper
 def _compute_piece(mesh: Any, items: Any, piece: int, around: Any) -> None:
     """Compute the boxes of one piece, and their box and span."""
-    whole, span = simd.f32x8(np.inf), simd.f32x8(np.inf)
+    bounds, span = simd.f32x8(np.inf), simd.f32x8(np.inf)
     xyz = simd.iota(simd.i32x4(0)) < 3
     for i in range(piece * _PIECE, min((piece + 1) * _PIECE, len(mesh.triangles))):
         a = simd.masked_load(mesh.positions, np.int64(mesh.triangles[i, 0]) * 3, xyz)
@@ -167,8 +167,8 @@ def _compute_piece(mesh: Any, items: Any, piece: int, around: Any) -> None:
         high = simd.with_lane(simd.f32x4(0.0) - high, binned_sah.COUNT - 4, np.float32(1.0))
         box = simd.concatenate(low, high)
         simd.store(items, i * 8, box)
-        whole, span = simd.minimum(whole, box), simd.minimum(span, binned_sah.center_of(box))
-    simd.store(around, piece * 16, whole)
+        bounds, span = simd.minimum(bounds, box), simd.minimum(span, binned_sah.center_of(box))
+    simd.store(around, piece * 16, bounds)
     simd.store(around, piece * 16 + 8, span)
 
 
@@ -201,11 +201,11 @@ def _collapse_part(growth: Any, k: int, end: int, cost: Any, stack: Any, childre
 def _place_parts(growth: Any, stack: Any, children: Any) -> None:
     """Choose the wide nodes above all parts, and assign the parts their rows: after those, one after another."""
     tree, share, tasks, parts = growth.tree, growth.share, growth.tasks, growth.parts
-    made = node = leaf = 0
+    part_count = node = leaf = 0
     if tasks[0, BELOW] > 0:
         _collapse_above(growth)
         parts[0, 0], parts[0, 1], parts[0, 2] = 0, 0, 0
-        made, node = 1, wide_collapse.count_nodes(tree, share, 0, stack, children)[0]
+        part_count, node = 1, wide_collapse.count_nodes(tree, share, 0, stack, children)[0]
     stack[0], top = 0, 1
     while top > 0:
         top -= 1
@@ -214,16 +214,16 @@ def _place_parts(growth: Any, stack: Any, children: Any) -> None:
             stack[top], stack[top + 1] = tasks[k, BELOW] + 1, tasks[k, BELOW]
             top += 2
             continue
-        parts[made, 0], parts[made, 1], parts[made, 2] = tasks[k, NODE], node, leaf
-        made, node, leaf = made + 1, node + tasks[k, NODES], leaf + tasks[k, LEAVES]
-    growth.sizes[0], growth.sizes[1], growth.sizes[2] = made, node, leaf
+        parts[part_count, 0], parts[part_count, 1], parts[part_count, 2] = tasks[k, NODE], node, leaf
+        part_count, node, leaf = part_count + 1, node + tasks[k, NODES], leaf + tasks[k, LEAVES]
+    growth.sizes[0], growth.sizes[1], growth.sizes[2] = part_count, node, leaf
 
 
 @allocating_helper
 def _collapse_above(growth: Any) -> None:
-    tasks, made = growth.tasks, growth.counters[MADE]
-    cost = np.empty(made * wide_collapse.ROW, np.float32)
-    for k in range(made - 1, -1, -1):  # children became tasks after their parents
+    tasks, task_count = growth.tasks, growth.counters[MADE]
+    cost = np.empty(task_count * wide_collapse.ROW, np.float32)
+    for k in range(task_count - 1, -1, -1):  # children became tasks after their parents
         below = tasks[k, BELOW]
         if below == 0:
             wide_collapse.set_cost(cost, k, growth.cost[k])

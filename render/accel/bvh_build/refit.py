@@ -21,8 +21,8 @@ def cost(tree: Wide) -> float:
         area = np.where(tree.links > EMPTY, x * y + y * z + z * x, 0.0)
     low, high = planes[0, :, 0].min(axis=1), planes[0, :, 1].max(axis=1)
     a, b, c = (high - low).tolist()
-    whole = a * b + b * c + c * a
-    return 1.0 + float((area * np.where(tree.links < 0, TEST, 1.0)).sum()) / whole if whole > 0 else 1.0
+    root_area = a * b + b * c + c * a
+    return 1.0 + float((area * np.where(tree.links < 0, TEST, 1.0)).sum()) / root_area if root_area > 0 else 1.0
 
 
 def refit(tree: Wide, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide:
@@ -30,10 +30,10 @@ def refit(tree: Wide, positions: NDArray[np.float32], triangles: NDArray[np.int3
 
     Rays have the same hits as in a new BVH. `tree` is not changed.
     """
-    made = wide_bvh.allocate(len(tree.nodes), len(tree.leaves))
-    made.links[...], made.rows[...] = tree.links, tree.rows  # the rows are part of the leaves
-    fit(made, positions, triangles)
-    return made
+    refitted = wide_bvh.allocate(len(tree.nodes), len(tree.leaves))
+    refitted.links[...], refitted.rows[...] = tree.links, tree.rows  # the rows are part of the leaves
+    fit(refitted, positions, triangles)
+    return refitted
 
 
 @kernel

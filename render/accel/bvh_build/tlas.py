@@ -37,9 +37,9 @@ def too_large(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
     if len(boxes) <= WIDTH:
         return np.zeros(len(boxes), np.bool_)
     size = (boxes[:, 3:] - boxes[:, :3]).max(axis=1)
-    whole = (boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max()
-    large = size > _LARGE * whole
-    return large if np.median(size) < _SMALL * whole and np.count_nonzero(large) <= _MAX_OUTSIDE else np.zeros(len(boxes), np.bool_)
+    extent = (boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max()
+    large = size > _LARGE * extent
+    return large if np.median(size) < _SMALL * extent and np.count_nonzero(large) <= _MAX_OUTSIDE else np.zeros(len(boxes), np.bool_)
 
 
 @helper
@@ -88,10 +88,10 @@ def refit(top: Top, boxes: NDArray[np.float64]) -> None:
     if len(top.links) > 1:
         enclose(top.nodes, top.links, local)
         return
-    there = top.links[0] > EMPTY
+    used = top.links[0] > EMPTY
     planes = top.nodes[0].reshape(3, 2, WIDTH)
     planes[:, 0], planes[:, 1] = np.inf, -np.inf
-    planes[..., there] = local[~top.links[0, there]].reshape(-1, 2, 3).transpose(2, 1, 0)
+    planes[..., used] = local[~top.links[0, used]].reshape(-1, 2, 3).transpose(2, 1, 0)
     planes[:, 0] -= np.float32(SLACK)
     planes[:, 1] += np.float32(SLACK)
 

@@ -37,32 +37,32 @@ def cached_mesh_bvh(positions: NDArray[np.float32], triangles: NDArray[np.int32]
     key.update(np.ascontiguousarray(positions).data)
     name = key.hexdigest()
     with _lock:
-        known = _known.get(name)
-        if known is not None:
+        cached = _known.get(name)
+        if cached is not None:
             _known.move_to_end(name)
-            return known
+            return cached
     file = kernel_cache.CACHE / "trees" / f"{cache_key.key(__name__)}-{name}"
-    made = read(file) if len(triangles) >= LARGE else None
+    tree = read(file) if len(triangles) >= LARGE else None
     how = "read"
-    if made is None:
-        made, how = _refit_last(shape, positions, triangles), "refitted"
-    if made is None:
+    if tree is None:
+        tree, how = _refit_last(shape, positions, triangles), "refitted"
+    if tree is None:
         cancellation.check()
         how = "built"
-        made = wide_bvh.build(positions, triangles, threads)
+        tree = wide_bvh.build(positions, triangles, threads)
         with _lock:
-            _shapes[shape] = made, refit.cost(made)
+            _shapes[shape] = tree, refit.cost(tree)
             _shapes.move_to_end(shape)
             while len(_shapes) > 1 and sum(each.nbytes for each, _ in _shapes.values()) > IN_MEMORY:
                 _shapes.popitem(last=False)
         if len(triangles) >= LARGE:
-            write(file, made)
+            write(file, tree)
     with _lock:
         COUNTS[how] += 1
-        _known[name] = made
+        _known[name] = tree
         while len(_known) > 1 and sum(each.nbytes for each in _known.values()) > IN_MEMORY:
             _known.popitem(last=False)
-    return made
+    return tree
 
 
 def _refit_last(shape: str, positions: NDArray[np.float32], triangles: NDArray[np.int32]) -> Wide | None:
@@ -71,8 +71,8 @@ def _refit_last(shape: str, positions: NDArray[np.float32], triangles: NDArray[n
         built = _shapes.get(shape)
     if built is None:
         return None
-    made = refit.refit(built[0], positions, triangles)
-    return made if refit.cost(made) <= refit.MAX_COST_RATIO * built[1] else None
+    tree = refit.refit(built[0], positions, triangles)
+    return tree if refit.cost(tree) <= refit.MAX_COST_RATIO * built[1] else None
 
 
 def clear() -> None:
@@ -93,25 +93,25 @@ def read(file: Path) -> Wide | None:
             nodes, leaves = (int(n) for n in np.frombuffer(stream.read(16), np.int64))
             if nodes < 1 or leaves < 0 or os.fstat(stream.fileno()).st_size != 16 + 4 * (nodes * (NODE + WIDTH) + leaves * LEAF):
                 return None
-            made = wide_bvh.allocate(nodes, leaves)
-            for part in made:
+            tree = wide_bvh.allocate(nodes, leaves)
+            for part in tree:
                 if stream.readinto(part.data.cast("B")) != part.nbytes:
                     return None
         os.utime(file)
     except (OSError, ValueError):
         return None
-    return made
+    return tree
 
 
-def write(file: Path, made: Wide) -> None:
+def write(file: Path, tree: Wide) -> None:
     """Write a BVH to a file atomically, where the cache of compiled code has room; errors are ignored."""
-    if not cache_folder.make_room(made.nbytes + 16):
+    if not cache_folder.make_room(tree.nbytes + 16):
         return
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as partial, partial.open("wb") as stream:
-            stream.write(_numbers(len(made.nodes), len(made.leaves)))
-            for part in made:
+            stream.write(_numbers(len(tree.nodes), len(tree.leaves)))
+            for part in tree:
                 stream.write(np.ascontiguousarray(part).data.cast("B"))
     except OSError:
         return

@@ -70,9 +70,9 @@ def links(items: NDArray[np.float32], around: NDArray[np.float32], threads: int 
 def _collapse_parts(growth: Handle, threads: int) -> Wide:
     """Collapse to a wide BVH on threads; the parts stand one after another, after the nodes above them."""
     parts, nodes, leaves = (int(n) for n in growth.tables.sizes)
-    whole, threads = allocate(nodes, leaves if growth.tables.width > 1 else 0), min(threads, parts)
-    thread_pool.parallel_for(lambda _: collapse(growth, whole), range(threads), threads)
-    return whole
+    pool, threads = allocate(nodes, leaves if growth.tables.width > 1 else 0), min(threads, parts)
+    thread_pool.parallel_for(lambda _: collapse(growth, pool), range(threads), threads)
+    return pool
 
 
 def allocate(nodes: int, leaves: int) -> Wide:
@@ -87,12 +87,12 @@ def concatenate(trees: list[Wide], rows: list[int]) -> Wide:
     """Concatenate BVHs into one pool, with adjusted links; triangles of each are numbered from its entry in `rows` on."""
     if len(trees) == 1 and rows == [0]:
         return trees[0]
-    whole = allocate(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
+    pool = allocate(sum(len(tree.nodes) for tree in trees), sum(len(tree.leaves) for tree in trees))
     node = leaf = 0
     for tree, row in zip(trees, rows, strict=True):
-        copy_into_pool(whole, tree, node, leaf, row)
+        copy_into_pool(pool, tree, node, leaf, row)
         node, leaf = node + len(tree.nodes), leaf + len(tree.leaves)
-    return whole
+    return pool
 
 
 def median_leaf_extent(tree: Wide, some: int = 64) -> float:
@@ -199,21 +199,21 @@ def _write_leaf(tree: Any, node: int, mesh: Any, leaves: Any, leaf: int) -> None
 
 
 @kernel
-def copy_into_pool(whole, part, node, leaf, row):
+def copy_into_pool(pool, part, node, leaf, row):
     """Copy a BVH into a pool, from `node` and `leaf` on; its triangles are numbered from `row` on."""
     for i in range(len(part.nodes)):
         for k in range(NODE):
-            whole.nodes[node + i, k] = part.nodes[i, k]
+            pool.nodes[node + i, k] = part.nodes[i, k]
         for k in range(WIDTH):
             link = part.links[i, k]
             if link >= 0:
                 link += node
             elif link < 0 and link > EMPTY:
                 link -= leaf
-            whole.links[node + i, k] = link
+            pool.links[node + i, k] = link
     for i in range(len(part.leaves)):
         for k in range(WHICH):
-            whole.leaves[leaf + i, k] = part.leaves[i, k]
+            pool.leaves[leaf + i, k] = part.leaves[i, k]
         for j in range(WIDTH):
             number = triangle_of(part.leaves, i, j)
-            set_triangle(whole.leaves, leaf + i, j, number + row if number >= 0 else -1)
+            set_triangle(pool.leaves, leaf + i, j, number + row if number >= 0 else -1)

@@ -35,10 +35,10 @@ def empty(n: int, memory: Scratch) -> NDArray[np.uint8]:
 
 
 @helper
-def set_cost(cost: Any, row: int, known: Any) -> None:
+def set_cost(cost: Any, row: int, node_cost: Any) -> None:
     """Set the costs of a node that takes one slot in any case."""
     simd.store(cost, row * ROW, _spread(np.inf))
-    simd.store(cost, row * ROW + WIDTH, _spread(known))
+    simd.store(cost, row * ROW + WIDTH, _spread(node_cost))
 
 
 @helper
@@ -55,20 +55,20 @@ def distribute_slots(tree: BinaryBvh, share: Any, node: int, cost: Any, row: int
         both = simd.load(cost, b * ROW + WIDTH - p, WIDTH) + simd.read(cost, a * ROW + WIDTH + p - 1)
         better = both < best
         best, shares = simd.select(better, both, best), simd.select(better, np.int32(p), shares)
-    at = row * ROW + WIDTH
-    simd.store(cost, at - WIDTH, _spread(np.inf))
-    simd.store(cost, at, best)
+    start = row * ROW + WIDTH
+    simd.store(cost, start - WIDTH, _spread(np.inf))
+    simd.store(cost, start, best)
     simd.store(share, node * WIDTH, shares)
     simd.write(share, node * WIDTH, np.uint8(0))
-    least = simd.read(cost, at + WIDTH - 1) + half_area(simd.load(tree.boxes, node * 8, 8))
-    simd.write(cost, at, least)
+    least = simd.read(cost, start + WIDTH - 1) + half_area(simd.load(tree.boxes, node * 8, 8))
+    simd.write(cost, start, least)
     for j in range(1, WIDTH - 1):
-        here = simd.read(cost, at + j)
-        if least <= here:
-            simd.write(cost, at + j, least)
+        slot_cost = simd.read(cost, start + j)
+        if least <= slot_cost:
+            simd.write(cost, start + j, least)
             simd.write(share, node * WIDTH + j, np.uint8(0))
         else:
-            least = here
+            least = slot_cost
 
 
 @noinline_helper

@@ -62,7 +62,7 @@ class PacketMemory(NamedTuple):
     """A thread's tile, and the packet in work."""
 
     workspace: Handle  # with `found`
-    found: TileHits
+    hits: TileHits
     states: NDArray[np.int64]  # (surfaces,) addresses of packet_memory.PacketState
     pixels: NDArray[np.int64]  # (side²,) numbers of pixels that take further samples
     hidden: NDArray[np.int64]  # of `found`, empty without lights
@@ -73,7 +73,7 @@ class PacketMemory(NamedTuple):
     spacing: NDArray[np.int64]
     u: NDArray[np.float64]
     v: NDArray[np.float64]
-    known: NDArray[np.int64]  # hidden lights
+    light_bits: NDArray[np.int64]  # hidden lights
 
 
 class ThreadMemory(Handle):
@@ -110,8 +110,8 @@ class CameraPackets:
         """The states of the surfaces, one for each geometry."""
         geometries = sorted(set(self.geometries.tolist()))
         states = packet_memory.allocate_shared(self.forms, [int(self.forms.surface_of[g]) for g in geometries])
-        made = dict(zip(geometries, map(Handle, states), strict=True))
-        return [made[g] for g in self.geometries.tolist()]
+        handles = dict(zip(geometries, map(Handle, states), strict=True))
+        return [handles[g] for g in self.geometries.tolist()]
 
     def _trace_address(self, state: Handle) -> int:
         return compiled_address(packets.trace, state.type, _RAYS, INT64, INT64, _RAYS, _COLUMNS)
@@ -128,18 +128,18 @@ class CameraPackets:
 
     def memory(self, workspace: Any, samples: int) -> ThreadMemory:
         """Allocate the memory of a thread for tiles of so many samples; `workspace` is the thread's, a NamedTuple with `primed`."""
-        found = self._hits(samples)._replace(black=self.black)
+        hits = self._hits(samples)._replace(black=self.black)
         states, rays = self._states(), (8, packet_state.SPACED)
-        hidden = found.hidden if self.lit else np.zeros(0, np.int64)
+        hidden = hits.hidden if self.lit else np.zeros(0, np.int64)
         shade, t, u, v = np.zeros((4, PACKET))
-        instance, spacing, known = np.zeros((3, PACKET), np.int64)
-        made = ThreadMemory(PacketMemory(
-            Handle(workspace._replace(primed=found)), found, np.array([each.address for each in states], np.int64),
-            np.zeros(self.side**2, np.int64), hidden, np.zeros(rays), shade, t, instance, spacing, u, v, known,
+        instance, spacing, light_bits = np.zeros((3, PACKET), np.int64)
+        thread_memory = ThreadMemory(PacketMemory(
+            Handle(workspace._replace(primed=hits)), hits, np.array([each.address for each in states], np.int64),
+            np.zeros(self.side**2, np.int64), hidden, np.zeros(rays), shade, t, instance, spacing, u, v, light_bits,
         ))  # fmt: skip
-        made.surfaces = states
-        weakref.finalize(made, _release, found).atexit = False
-        return made
+        thread_memory.surfaces = states
+        weakref.finalize(thread_memory, _release, hits).atexit = False
+        return thread_memory
 
     def _hits(self, samples: int) -> TileHits:
         """Memory of hits: that of a finished picture, or new."""
@@ -150,10 +150,10 @@ class CameraPackets:
         return allocate_hits(self.side, samples, self.lit, self.black)
 
 
-def _release(found: TileHits) -> None:
+def _release(hits: TileHits) -> None:
     """Keep the memory of a finished picture for reuse."""
-    if 0 < len(found.t) <= SMALL:
-        _spare.insert(0, found)
+    if 0 < len(hits.t) <= SMALL:
+        _spare.insert(0, hits)
         del _spare[SPARE:]
 
 
@@ -180,31 +180,31 @@ def _pixel_order(side: int) -> NDArray[np.int64]:
 
 @helper
 def trace_tile(scene: Any, memory: Any, tile: Tile, first: Any, count: Any, total: int) -> None:
-    """Trace samples first … first + count − 1 (rows, columns) of `total` of a tile's pixels, and set `memory.found`.
+    """Trace samples first … first + count − 1 (rows, columns) of `total` of a tile's pixels, and set `memory.hits`.
 
     Raises ValueError for more samples than fit there.
     """
-    found, items = memory.found, memory.found.items
+    hits, items = memory.hits, memory.hits.items
     many = _begin(scene, memory, tile, first, count)
-    rounds, columns = found.extent[0], found.extent[2]
-    if found.extent[3] > len(found.t):
+    rounds, columns = hits.extent[0], hits.extent[2]
+    if hits.extent[3] > len(hits.t):
         raise ValueError("more samples of a tile than its memory holds")
     packet, filled = 0, 0
     for k in range(rounds):
-        left = 0
+        remaining = 0
         for i in range(many):
             pixel = memory.pixels[i]
             row, column = pixel // columns, pixel % columns
             if count[row, column] > k:
-                memory.pixels[left] = pixel
-                left += 1
-                at = (3 * PACKET * packet if rounds == 1 else 0) + filled
-                items[at], items[at + PACKET], items[at + 2 * PACKET] = column, row, k
+                memory.pixels[remaining] = pixel
+                remaining += 1
+                place = (3 * PACKET * packet if rounds == 1 else 0) + filled
+                items[place], items[place + PACKET], items[place + 2 * PACKET] = column, row, k
                 filled += 1
                 if filled == PACKET:
                     _trace_packet(scene, memory, packet, filled, total)
                     packet, filled = packet + 1, 0
-        many = left
+        many = remaining
     if filled > 0:
         _trace_packet(scene, memory, packet, filled, total)
 
@@ -212,12 +212,12 @@ def trace_tile(scene: Any, memory: Any, tile: Tile, first: Any, count: Any, tota
 @helper
 def _begin(scene: Any, memory: Any, tile: Tile, first: Any, count: Any) -> int:
     """Set the slots of a tile's pixels, and the list of those that take samples; returns their number."""
-    found, rows, columns = memory.found, tile.y1 - tile.y0, tile.x1 - tile.x0
+    hits, rows, columns = memory.hits, tile.y1 - tile.y0, tile.x1 - tile.x0
     rounds, samples, many, same = 0, 0, 0, first[0, 0] if rows * columns > 0 else -1
     for row in range(rows):
         for column in range(columns):
             pixel, number = row * columns + column, first[row, column]
-            found.first[pixel], found.start[pixel] = number, samples
+            hits.first[pixel], hits.start[pixel] = number, samples
             same = same if number == same else -1
             rounds, samples = max(rounds, count[row, column]), samples + count[row, column]
     for i in range(len(scene.order)):
@@ -227,41 +227,41 @@ def _begin(scene: Any, memory: Any, tile: Tile, first: Any, count: Any) -> int:
             many += 1
     if rounds == 1:
         for i in range(many):
-            found.start[memory.pixels[i]] = i
-    found.corner[0], found.corner[1], found.corner[2] = tile.x0, tile.y0, same
-    found.extent[0], found.extent[1], found.extent[2], found.extent[3] = rounds, rows, columns, samples
+            hits.start[memory.pixels[i]] = i
+    hits.corner[0], hits.corner[1], hits.corner[2] = tile.x0, tile.y0, same
+    hits.extent[0], hits.extent[1], hits.extent[2], hits.extent[3] = rounds, rows, columns, samples
     return many
 
 
 @noinline_helper
 def _trace_packet(scene, memory, packet, n, total):
     """Trace the n samples of a packet, whose items are set, and store their hits in the tile's."""
-    found = memory.found
-    alone = found.extent[0] == 1
+    hits = memory.hits
+    alone = hits.extent[0] == 1
     block = packet if alone else 0
-    at = 3 * PACKET * block
+    first_item = 3 * PACKET * block
     for row in range(1, 3):  # the rows of a packet with fewer samples follow each other
         for i in range(n):
-            found.items[at + row * n + i] = found.items[at + row * PACKET + i]
-    items, rays, columns = found.items[at : at + 3 * n], found.rays[block], found.extent[2]
+            hits.items[first_item + row * n + i] = hits.items[first_item + row * PACKET + i]
+    items, rays, columns = hits.items[first_item : first_item + 3 * n], hits.rays[block], hits.extent[2]
     t, instance, spacing, u, v = memory.t[:n], memory.instance[:n], memory.spacing[:n], memory.u[:n], memory.v[:n]
     for i in range(n):
         t[i], instance[i] = np.inf, -1
-    _generate(scene.steps.generate, (scene.tables, scene.frame, total, found.first, found.corner, columns, items, rays))
+    _generate(scene.steps.generate, (scene.tables, scene.frame, total, hits.first, hits.corner, columns, items, rays))
     for k in range(len(scene.instance)):
         _trace_surface(scene, memory, k, rays, n, packets.HitColumns(t, instance, spacing, u, v, scene.instance[k]))
     _find_hidden_lights(scene, memory, rays, n)
     for i in range(n):
         slot = packet * PACKET + i
         if not alone:
-            slot = found.start[items[n + i] * columns + items[i]] + items[2 * n + i]
-        found.t[slot], found.instance[slot], found.spacing[slot] = t[i], instance[i], spacing[i]
-        found.u[slot], found.v[slot] = u[i], v[i]
+            slot = hits.start[items[n + i] * columns + items[i]] + items[2 * n + i]
+        hits.t[slot], hits.instance[slot], hits.spacing[slot] = t[i], instance[i], spacing[i]
+        hits.u[slot], hits.v[slot] = u[i], v[i]
         if len(memory.hidden) > 0:
-            memory.hidden[slot] = memory.known[i]
-    samples = found.extent[3]
-    for slot in range(samples, min(samples + crosslane.WIDTH, len(found.t))):  # vectors read them
-        found.t[slot], found.instance[slot] = np.inf, -1
+            memory.hidden[slot] = memory.light_bits[i]
+    samples = hits.extent[3]
+    for slot in range(samples, min(samples + crosslane.WIDTH, len(hits.t))):  # vectors read them
+        hits.t[slot], hits.instance[slot] = np.inf, -1
 
 
 @helper
@@ -276,19 +276,19 @@ def _trace_surface(scene: Any, memory: Any, k: int, rays: Any, n: int, out: Any)
 def _find_hidden_lights(scene: Any, memory: Any, rays: Any, n: int) -> None:
     """Find the lights that surfaces hide from the hits of a packet."""
     t, instance, spacing, u, v = memory.t[:n], memory.instance[:n], memory.spacing[:n], memory.u[:n], memory.v[:n]
-    shade, known = memory.shade[:n], memory.known[:n]
+    shade, light_bits = memory.shade[:n], memory.light_bits[:n]
     for i in range(n):
-        known[i] = 0
+        light_bits[i] = 0
     for j in range(len(scene.lights)):
         light = scene.lights[j]
         for i in range(n):
             shade[i] = np.inf
-        met = packets.HitColumns(t, instance, spacing, u, v, 0)
-        if _send_to_light(scene.steps.to_light, (scene.tables, light, rays, met, memory.onward)) > 0:
+        hits = packets.HitColumns(t, instance, spacing, u, v, 0)
+        if _send_to_light(scene.steps.to_light, (scene.tables, light, rays, hits, memory.onward)) > 0:
             for k in range(len(scene.casting)):
                 hiding = packets.HitColumns(shade, instance, spacing, u, v, ANY)
                 _trace_surface(scene, memory, scene.casting[k], memory.onward, n, hiding)
-        _mark(scene.steps.mark, (light, memory.onward, shade, known))
+        _mark(scene.steps.mark, (light, memory.onward, shade, light_bits))
 
 
 @kernel
@@ -312,17 +312,17 @@ def generate_rays(tables, frame, total, first, corner, width, items, rays):
 
 
 @kernel
-def trace_single(accel, g, rays, at, n, inverse, out):
-    """Trace n incoherent rays from `at` on against one surface, as packets.trace does."""
+def trace_single(accel, g, rays, first_ray, n, inverse, out):
+    """Trace n incoherent rays from `first_ray` on against one surface, as packets.trace does."""
     for start in range(0, n, crosslane.WIDTH):
-        o, d, low, high = packet_state.to_local(rays, at + start, inverse)
-        high = ops.minimum(high, out.t[at + ops.minimum(crosslane.lane_indices(start), n - 1)])
+        o, d, low, high = packet_state.to_local(rays, first_ray + start, inverse)
+        high = ops.minimum(high, out.t[first_ray + ops.minimum(crosslane.lane_indices(start), n - 1)])
         t, units, u, v, _ = intersect.call(accel.formula_kernel, (accel.forms, np.int64(g), o, d, low, high))  # pyright: ignore[reportCallIssue]
-        left = crosslane.bits((t < high) & (crosslane.lane_indices(start) < n))
-        while left != 0:
-            j = simd.trailing_zeros(left)
-            left &= left - 1
-            i = at + start + j
+        hit_lanes = crosslane.bits((t < high) & (crosslane.lane_indices(start) < n))
+        while hit_lanes != 0:
+            j = simd.trailing_zeros(hit_lanes)
+            hit_lanes &= hit_lanes - 1
+            i = first_ray + start + j
             if out.number == packet_state.ANY:
                 out.t[i] = -np.inf
                 continue

@@ -69,8 +69,8 @@ def slot_of(primed: Any, x: Lane, y: Lane, s: Lane) -> Lane:
     """The slots of samples s of pixels x, y."""
     extent = primed.extent
     row, column = _clip(y - primed.corner[1], extent[1]), _clip(x - primed.corner[0], extent[2])
-    at = row * extent[2] + column
-    return _clip(primed.start[at] + _clip(s - primed.first[at], extent[0]), extent[3])
+    pixel = row * extent[2] + column
+    return _clip(primed.start[pixel] + _clip(s - primed.first[pixel], extent[0]), extent[3])
 
 
 def load_slots(column: Any, slot: Any) -> Lane:
@@ -106,10 +106,10 @@ def load_pixels(items: Any, start: int) -> tuple[Lane, Lane, Lane]:
 @helper
 def first_samples(corner: Any, first: Any, columns: int, x: Lane, y: Lane) -> Lane:
     """Numbers of the first samples of a tile's pixels, from parts of TileHits."""
-    found = ops.int_like(x, corner[2])
+    numbers = ops.int_like(x, corner[2])
     if corner[2] < 0:
-        found = first[y * columns + x]
-    return found
+        numbers = first[y * columns + x]
+    return numbers
 
 
 def gather(column: Any, slot: Any) -> Lane:

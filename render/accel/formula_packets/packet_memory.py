@@ -15,6 +15,7 @@ from ...formula.interval_grid import CHOICE
 from ...formula.llvm_math import LANES, ROW, SINGLE
 from ...formula.packet_state import GROUP, HULLS, OPEN, PARTS_OF_SPAN, QUARTERS, RAYS, SPACED, STRIDE, VECTOR
 from ...formula.scene_surfaces import Forms
+from ...formula.tables import DISCONTINUITY, FIRST_CONSTANT, IS_SHEET, WHOLE_TAPE
 from ...simd.aligned_arrays import CACHE_LINE
 
 
@@ -68,26 +69,28 @@ def allocate_shared(forms: Forms, surfaces: Sequence[int]) -> list[PacketState]:
     shapes = [_shapes(forms, k) for k in surfaces]
     largest = [max((every[part] for every in shapes), key=lambda each: math.prod(each[0])) for part in range(len(shapes[0]))]
     memory = _zeros(largest)
-    parts = [[block[: shape[0]] for block, (shape, _) in zip(memory, own, strict=True)] for own in shapes]
+    parts = [[block[: shape[0]] for block, (shape, _) in zip(memory, surface_shapes, strict=True)] for surface_shapes in shapes]
     return [_state(forms, k, part) for k, part in zip(surfaces, parts, strict=True)]
 
 
 def _state(forms: Forms, k: int, memory: Any) -> PacketState:
     places = forms.places[k]
-    first, rows = forms.tapes[places[4], :2].tolist()
-    begin = int(places[3])
+    first, rows = forms.tapes[places[WHOLE_TAPE], :2].tolist()
+    begin = int(places[FIRST_CONSTANT])
     wide = begin // (PARTS * LANES) * PARTS * SINGLE.lanes
-    here = np.zeros((1, 6), np.int64)
-    here[0, [1, 5]] = places[[1, 5]]
+    surface_places = np.zeros((1, 6), np.int64)
+    columns = [IS_SHEET, DISCONTINUITY]
+    surface_places[0, columns] = places[columns]
     return PacketState(
-        forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1], here,
-        forms.unproved, np.ascontiguousarray(forms.names[first : first + rows]), *memory,
+        forms.programs, forms.constants[begin:], forms.constants32[wide:], forms.compiled[k : k + 1], forms.numbers[k : k + 1],
+        surface_places, forms.unproved,
+        np.ascontiguousarray(forms.names[first : first + rows]), *memory,
     )  # fmt: skip
 
 
 def _shapes(forms: Forms, k: int) -> Sequence[tuple[tuple[int, ...], Any]]:
     """(shape, type) of the memory for surface k, from `names` on."""
-    first, rows = forms.tapes[forms.places[k][4], :2].tolist()
+    first, rows = forms.tapes[forms.places[k, WHOLE_TAPE], :2].tolist()
     choices = 1 + 2 * max(int(CHOICE[forms.names[first : first + rows, 0]].sum()), 1)
     many = 24 * rows + 2048
     single, double, half, number = np.float32, np.float64, np.int32, np.int64

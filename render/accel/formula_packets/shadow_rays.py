@@ -42,20 +42,20 @@ def is_selected(tables: Tables, light: int) -> bool:
 
 
 @kernel
-def generate_rays(tables, light, rays, found, out):
+def generate_rays(tables, light, rays, hits, out):
     """Generate rays from hits of camera rays to a light, in the layout of ray_soa; return how many the light may reach.
 
     Other samples get a ray whose t_max is less than its t_min.
     """
-    n, many = len(found.t), 0
+    n, many = len(hits.t), 0
     for start in range(0, n, crosslane.WIDTH):
         origin, direction, _, _ = ray_soa.get(rays, start)
-        instance = load_slots(found.instance, start)
+        instance = load_slots(hits.instance, start)
         hit_mask = (instance >= 0) & (crosslane.lane_indices(start) < n)
         ends = ops.full_like(origin[0], -1.0)
         if ops.any_lane(hit_mask):
-            u, v = load_slots(found.u, start), load_slots(found.v, start)
-            hit = Hit(load_slots(found.t, start), instance, load_slots(found.spacing, start), u, v)
+            u, v = load_slots(hits.u, start), load_slots(hits.v, start)
+            hit = Hit(load_slots(hits.t, start), instance, load_slots(hits.spacing, start), u, v)
             position, geometric, offset = _formula_points(tables, Ray(origin, direction, 0.0, np.inf, None), hit, hit_mask)
             arriving = light_samples.sample_sharp(tables, light, position)
             lit = hit_mask & (ops.dot(arriving.direction, geometric) > 0.0) & (ops.largest(arriving.irradiance) > 0.0)
@@ -73,13 +73,13 @@ def _formula_points(tables: Tables, ray: Ray, hit: Hit, hit_mask: Lane) -> tuple
     """interaction.formula_point in the lanes of a mask; where all hit one instance, its transform is read once."""
     offset = ops.full_like(hit.t, 0.0)
     position = geometric = (offset, offset, offset)
-    rest = hit_mask
-    while ops.any_lane(rest):
-        instance, here = crosslane.uniform_group(hit.instance, rest)
+    pending = hit_mask
+    while ops.any_lane(pending):
+        instance, group = crosslane.uniform_group(hit.instance, pending)
         p, normal, far = interaction.formula_point(tables, instance, ray, hit)
-        position, geometric = ops.where3(here, p, position), ops.where3(here, normal, geometric)
-        offset = ops.where(here, far, offset)
-        rest = rest & ops.not_(here)
+        position, geometric = ops.where3(group, p, position), ops.where3(group, normal, geometric)
+        offset = ops.where(group, far, offset)
+        pending = pending & ops.not_(group)
     return position, geometric, offset
 
 
@@ -94,40 +94,42 @@ def mark_hidden(light, rays, t, hidden):
 # --- in shading -------------------------------------------------------------------------------------------------
 
 
-def forget_hidden(known: Any) -> Any:
+def forget_hidden(hidden: Any) -> Any:
     """Hidden lights at hits of other rays: none known."""
     return None
 
 
 @overload(forget_hidden)
-def _forget_hidden_in_kernels(known):
-    return (lambda known: None) if isinstance(known, types.NoneType) else lambda known: ops.int_like(known, 0)
+def _forget_hidden_in_kernels(hidden):
+    return (lambda hidden: None) if isinstance(hidden, types.NoneType) else lambda hidden: ops.int_like(hidden, 0)
 
 
-def attenuate_light(point: Surface, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
-    """The light `given` of a light source that reaches a point; 0 for inactive rays."""
-    return intersect.attenuate(accel, tables, ray, active, given)
+def attenuate_light(point: Surface, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, radiance: Vec) -> Vec:
+    """The light `radiance` of a light source that reaches a point; 0 for inactive rays."""
+    return intersect.attenuate(accel, tables, ray, active, radiance)
 
 
 @overload(attenuate_light)
-def _attenuate_light_in_kernels(point, accel, tables, light, ray, active, given):
+def _attenuate_light_in_kernels(point, accel, tables, light, ray, active, radiance):
     if not isinstance(point.types[point.fields.index("known")], types.NoneType):
-        return lambda point, accel, tables, light, ray, active, given: _apply_known(point.known, accel, tables, light, ray, active, given)
-    return lambda point, accel, tables, light, ray, active, given: intersect.attenuate(accel, tables, ray, active, given)
+        return lambda point, accel, tables, light, ray, active, radiance: _apply_known(
+            point.known, accel, tables, light, ray, active, radiance
+        )
+    return lambda point, accel, tables, light, ray, active, radiance: intersect.attenuate(accel, tables, ray, active, radiance)
 
 
 @helper
-def _apply_known(known: Lane, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
-    known_here = ops.bool_like(ray.t_min, False)
+def _apply_known(hidden: Lane, accel: Any, tables: Tables, light: int, ray: Ray, active: Lane, radiance: Vec) -> Vec:
+    is_tested = ops.bool_like(ray.t_min, False)
     if is_selected(tables, light):
-        bits = known >> (2 * light)
-        known_here = (bits & 1) != 0
+        bits = hidden >> (2 * light)
+        is_tested = (bits & 1) != 0
         active = active & ((bits & 2) == 0)
     zero = ops.full_like(ray.t_min, 0.0)
-    total = ops.where3(active & known_here, given, (zero, zero, zero))
+    total = ops.where3(active & is_tested, radiance, (zero, zero, zero))
     if accel.rest & REST != 0:
-        total = intersect.attenuate(accel, tables, ray, active & known_here, given, REST)
-    rest = active & ops.not_(known_here)
-    if ops.any_lane(rest):
-        total = ops.add(total, intersect.attenuate(accel, tables, ray, rest, given))
+        total = intersect.attenuate(accel, tables, ray, active & is_tested, radiance, REST)
+    untested = active & ops.not_(is_tested)
+    if ops.any_lane(untested):
+        total = ops.add(total, intersect.attenuate(accel, tables, ray, untested, radiance))
     return total

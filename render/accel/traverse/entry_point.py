@@ -86,8 +86,8 @@ def _gather(tree: Any, root: int, beam: packet_nodes.Beam, limit: Any, entry: En
         count = _append(tree, node, hits, planes, links, count)
     for row in range(6):
         plane = simd.load(planes, row * _ROW, WIDTH)
-        there = simd.iota(plane) < np.int32(count)
-        simd.store(entry.nodes, row * WIDTH, simd.select(there, plane, np.float32(np.inf if row % 2 == 0 else -np.inf)))
+        used = simd.iota(plane) < np.int32(count)
+        simd.store(entry.nodes, row * WIDTH, simd.select(used, plane, np.float32(np.inf if row % 2 == 0 else -np.inf)))
 
 
 @helper

@@ -65,12 +65,16 @@ def farthest(nodes: Any, links: Any, root: int, x: float, y: float, z: float, st
     best, rounding, most = np.float32(-np.inf), np.float32(0.0), np.float32(np.inf)
     node, top = np.int64(root), np.int64(0)
     while True:
-        at = node * NODE
-        a, b, c = simd.load(nodes, at + rx, WIDTH) * sx, simd.load(nodes, at + ry, WIDTH) * sy, simd.load(nodes, at + rz, WIDTH) * sz
+        start = node * NODE
+        a, b, c = (
+            simd.load(nodes, start + rx, WIDTH) * sx,
+            simd.load(nodes, start + ry, WIDTH) * sy,
+            simd.load(nodes, start + rz, WIDTH) * sz,
+        )
         link = simd.load(links, node * WIDTH, WIDTH)
-        there = link > EMPTY
-        reach = simd.select(there, a + b + c, np.float32(-np.inf))
-        rounding = max(rounding, simd.max_of(simd.select(there, abs(a) + abs(b) + abs(c), np.float32(0.0))))
+        used = link > EMPTY
+        reach = simd.select(used, a + b + c, np.float32(-np.inf))
+        rounding = max(rounding, simd.max_of(simd.select(used, abs(a) + abs(b) + abs(c), np.float32(0.0))))
         if node == root:
             most = simd.max_of(reach)
         before, best = best, max(best, simd.max_of(simd.select(link < 0, reach, np.float32(-np.inf))))

@@ -26,15 +26,15 @@ ENOUGH = (5 * RAYS + 7) // 8  # rays waiting at instances before these are enter
 
 
 @helper
-def trace_incoherent(accel: Any, rays: SceneRays, left: int, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
-    """`best`, or closer hits in the BVH over instances of the rays whose bits are set in `left`."""
+def trace_incoherent(accel: Any, rays: SceneRays, active: int, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
+    """`best`, or closer hits in the BVH over instances of the rays whose bits are set in `active`."""
     world, upper = simd.stack_array(np.float64, _ROWS), ray_state.allocate_rays()
     nearest, d = ops.minimum(rays.until, best.t), rays.top_direction
     enters = ray_box.intersect_box(_CUBE, rays.box, rays.t_min, nearest)
     enters, entered = ops.where(enters < np.inf, enters, 0.0), enters < np.inf
     entry, pace = ops.add(rays.top_origin, ops.scale(d, enters)), ops.largest((abs(d[0]), abs(d[1]), abs(d[2])))
     sound = (abs(entry[0]) + abs(entry[1]) + abs(entry[2]) < 4.0) & (pace > 0.0)  # excludes NaN and zero directions
-    left &= crosslane.bits(entered & sound)
+    active &= crosslane.bits(entered & sound)
     _store3(world, 0, rays.origin)
     _store3(world, _DIRECTION, rays.direction)
     crosslane.store(world, _T_MIN, rays.t_min)
@@ -44,25 +44,25 @@ def trace_incoherent(accel: Any, rays: SceneRays, left: int, visible_bit: int, a
     ray_state.store_box_rays(upper, entry, ops.scale(rays.box.inverse, pace), (nearest - enters) * pace)
     state, inside = ray_state.allocate_state(), simd.stack_array(np.int64, RAYS)
     ray_state.set_hits(state, best)
-    todo = left
+    todo = active
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         simd.write(inside, k, -1)
         ray_state.set_position(state, k, 0, k * STACK)
-    trace_interleaved(accel, world, upper, ray_state.allocate_rays(), state, inside, left, visible_bit, any_hit)
+    trace_interleaved(accel, world, upper, ray_state.allocate_rays(), state, inside, active, visible_bit, any_hit)
     return ray_state.load_hits(state)
 
 
 @noinline_helper
-def trace_interleaved(accel, world, upper, rays, state, inside, left, visible_bit, any_hit):
-    """Advance the rays whose bits are set in `left` in turn until all have ended.
+def trace_interleaved(accel, world, upper, rays, state, inside, active, visible_bit, any_hit):
+    """Advance the rays whose bits are set in `active` in turn until all have ended.
 
     `inside` holds the instance whose mesh each ray is in, or -1; `upper` the rays in the BVH over instances, `rays` those in meshes.
     """
     wait = np.int64(0)
-    while left != 0:
-        todo = left & ~wait
+    while active != 0:
+        todo = active & ~wait
         while todo != 0:
             k = simd.trailing_zeros(todo)
             todo &= todo - 1
@@ -75,11 +75,11 @@ def trace_interleaved(accel, world, upper, rays, state, inside, left, visible_bi
             else:
                 more = _step(accel, upper, state, k, any_hit)
             if not more:
-                left &= ~(1 << k)
+                active &= ~(1 << k)
             elif simd.read(state.position, k) < 0:
                 wait |= 1 << k
-        if wait != 0 and (wait == left or simd.population(wait) >= ENOUGH):
-            left, wait = _enter_instances(accel, world, upper, rays, state, inside, left, wait, visible_bit, any_hit)
+        if wait != 0 and (wait == active or simd.population(wait) >= ENOUGH):
+            active, wait = _enter_instances(accel, world, upper, rays, state, inside, active, wait, visible_bit, any_hit)
 
 
 @helper
@@ -143,37 +143,37 @@ def _move_to(accel: Any, state: TraversalState, k: int, node: int, top: int) -> 
 
 @helper
 def _enter_no_mesh(
-    accel: Any, world: Any, rays: StoredRays, state: TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
+    accel: Any, world: Any, rays: StoredRays, state: TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, lanes: Lane
 ) -> Lane:
-    return here & (t_min < -np.inf)
+    return lanes & (t_min < -np.inf)
 
 
 @skip_when_tagged(NO_MESHES, _enter_no_mesh)
 @helper
 def _enter_mesh(
-    accel: Any, world: Any, rays: StoredRays, state: TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, here: Lane
+    accel: Any, world: Any, rays: StoredRays, state: TraversalState, g: Lane, o: Vec, d: Vec, t_min: Lane, lanes: Lane
 ) -> Lane:
     """Store rays in the frames of meshes g; return the mask of those that enter the boxes."""
     t_max = crosslane.load(world, _UNTIL)
     until = ops.minimum(crosslane.load(state.hits, 0), t_max)
     ray, box = ray_box.local_ray(o, d), row_gather.eight_at(accel.boxes, g, 0)
     enters = ray_box.intersect_box(box, ray, t_min, until)
-    enter = here & (enters < np.inf)
+    enter = lanes & (enters < np.inf)
     ray_state.store_rays(rays, enter, MeshRays(o, d, ray, enters, t_min, t_max, until), box[EXTENT])
     return enter
 
 
 @helper
 def _enter_instances(
-    accel: Any, world: Any, upper: StoredRays, rays: StoredRays, state: TraversalState, inside: Any, left: int, wait: int,
+    accel: Any, world: Any, upper: StoredRays, rays: StoredRays, state: TraversalState, inside: Any, active: int, wait: int,
     visible_bit: int, any_hit: bool,
 ) -> tuple[int, int]:  # fmt: skip
-    """Let the rays whose bits are set in `wait` enter the instances they have reached; return the new (`left`, `wait`)."""
+    """Let the rays whose bits are set in `wait` enter the instances they have reached; return the new (`active`, `wait`)."""
     position = crosslane.load(state.position, 0)
-    here = crosslane.mask_of(wait, position)
-    i = ops.where(here, ~position, 0)
+    lanes = crosslane.mask_of(wait, position)
+    i = ops.where(lanes, ~position, 0)
     visible, _, g, kind, root, _, _, _ = row_gather.eight_at(accel.instance_rows, i, 0)
-    here = here & ((visible & visible_bit) != 0)
+    lanes = lanes & ((visible & visible_bit) != 0)
     meshes = kind == MESH
     (a, b, c, x, e, f, h, y), (p, q, r, z, u, v, w, _) = row_gather.eight_at(accel.inverse, i, 0), row_gather.eight_at(accel.inverse, i, 8)
     matrix, t_min = (a, b, c, x, e, f, h, y, p, q, r, z), crosslane.load(world, _T_MIN)
@@ -181,21 +181,21 @@ def _enter_instances(
     d = affine.transform_vector12(
         matrix, (crosslane.load(world, _DIRECTION), crosslane.load(world, _DIRECTION + 1), crosslane.load(world, _DIRECTION + 2))
     )
-    enter = _enter_mesh(accel, world, rays, state, g, ops.sub(o, (u, v, w)), d, t_min, here & meshes)
+    enter = _enter_mesh(accel, world, rays, state, g, ops.sub(o, (u, v, w)), d, t_min, lanes & meshes)
     crosslane.write_lanes(inside, 0, 0, i, enter)
     crosslane.write_lanes(state.position, 0, 0, root, enter)
     crosslane.write_lanes(state.position, 2, 0, crosslane.load(state.position, 1), enter)
-    shapes, todo, wait = crosslane.bits(here & ops.not_(meshes)), wait & ~crosslane.bits(enter), 0
+    shapes, todo, wait = crosslane.bits(lanes & ops.not_(meshes)), wait & ~crosslane.bits(enter), 0
     while todo != 0:
         k = simd.trailing_zeros(todo)
         todo &= todo - 1
         if (shapes >> k) & 1:
             _intersect_shape_instance(accel, ~simd.read(state.position, k), world, state, k)
         if not _pop_node(accel, world, upper, state, k, simd.read(state.position, RAYS + k), any_hit):
-            left &= ~(1 << k)
+            active &= ~(1 << k)
         elif simd.read(state.position, k) < 0:
             wait |= 1 << k
-    return left, wait
+    return active, wait
 
 
 @helper

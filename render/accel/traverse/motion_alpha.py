@@ -35,8 +35,8 @@ _VEC = tuple_of(FLOAT64, FLOAT64, FLOAT64)
 
 def is_used(accel: Any) -> bool:
     """Whether a BVH of this Numba type has moving or partly transparent instances."""
-    found = accel.field("motion_alpha") if isinstance(accel, HandleType) else None
-    return found is not None and found[1] != ()
+    field = accel.field("motion_alpha") if isinstance(accel, HandleType) else None
+    return field is not None and field[1] != ()
 
 
 def has_opacity(accel: Any) -> bool:
@@ -118,25 +118,25 @@ def _opacity_in_kernels(accel, ray, t, i, primitive, u, v):
 @helper
 def alpha_at_hit(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
     """(opacity at the hits of rays, 1 without a hit; smallest t of the next hits), in kernels with partial opacity."""
-    there, onward = ops.full_like(hit.t, 1.0), hit.t
-    left = crosslane.bits(hit.instance >= 0)
-    while left != 0:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
+    opacities, onward = ops.full_like(hit.t, 1.0), hit.t
+    pending = crosslane.bits(hit.instance >= 0)
+    while pending != 0:
+        k = simd.trailing_zeros(pending)
+        pending &= pending - 1
         i = crosslane.lane(hit.instance, k)
         if accel.motion_alpha.partial[i]:
             origin, direction = crosslane.lane3(ray.origin, k), crosslane.lane3(ray.direction, k)
-            one = Ray(origin, direction, 0.0, np.inf, _lane_of_time(ray.time, k))
+            lane_ray = Ray(origin, direction, 0.0, np.inf, _lane_of_time(ray.time, k))
             t, primitive = crosslane.lane(hit.t, k), crosslane.lane(hit.primitive, k)
-            opacity = _opacity(accel, one, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
-            there = crosslane.with_lane(there, k, opacity)
+            opacity = _opacity(accel, lane_ray, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
+            opacities = crosslane.with_lane(opacities, k, opacity)
             if accel.instance_rows[i, 3] == shape_hit.FORMULA:
                 d = affine.transform_vector12(
-                    instance_transform.transform_at(accel.motion_alpha.tables, accel.instance_rows[i, 1], one.time).inverse, direction
+                    instance_transform.transform_at(accel.motion_alpha.tables, accel.instance_rows[i, 1], lane_ray.time).inverse, direction
                 )
                 extent = accel.parameters[accel.instance_rows[i, 2], 5]
                 onward = crosslane.with_lane(onward, k, shape_hit.next_t(extent, d, t, primitive))
-    return there, onward
+    return opacities, onward
 
 
 def _time_or_opening(time: Any) -> Any:
@@ -350,10 +350,10 @@ def _search(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool)
     if any_hit:
         until = ops.where(best.instance >= 0, zero - np.inf, until)
         best = Hit(best.t, best.instance, best.primitive, ops.where(best.instance >= 0, zero, zero + 1.0), best.v)
-    left = crosslane.bits(until > t_min)
-    if left == 0 or has_no_instances(accel):
+    pending = crosslane.bits(until > t_min)
+    if pending == 0 or has_no_instances(accel):
         return best
-    return _trace_each(accel, ray, until, left, visible_bit, any_hit, best)
+    return _trace_each(accel, ray, until, pending, visible_bit, any_hit, best)
 
 
 search_all, search_moving = KernelPointer(_search_all), KernelPointer(_search_moving)
@@ -361,8 +361,8 @@ find_moving = search_moving.call
 
 
 @helper
-def _trace_each(accel: Any, ray: Ray, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
-    """`best`, or closer hits of the rays whose bits are set in `left`, traced one by one up to `until`."""
+def _trace_each(accel: Any, ray: Ray, until: Lane, pending: int, visible_bit: int, any_hit: bool, best: Hit) -> Hit:
+    """`best`, or closer hits of the rays whose bits are set in `pending`, traced one by one up to `until`."""
     rays, hits = simd.stack_array(np.float64, _RAYS), simd.stack_array(np.float64, _HITS)
     ids, (origin, direction) = simd.stack_array(np.int64, _IDS), (ray.origin, ray.direction)
     for j, x in ((0, origin[0]), (1, origin[1]), (2, origin[2]), (3, direction[0]), (4, direction[1]), (5, direction[2])):
@@ -376,11 +376,11 @@ def _trace_each(accel: Any, ray: Ray, until: Lane, left: int, visible_bit: int, 
     crosslane.store(ids, 0, best.instance)
     crosslane.store(ids, 1, best.primitive)
     stored = ray_state.allocate_rays()
-    while left != 0:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
-        one = Ray(_at3(rays, 0, k), _at3(rays, 3, k), _at(rays, 6, k), _at(rays, 7, k), _lane_of_time(ray.time, k))
-        first = _trace_ray(accel, one, _at(rays, 8, k), visible_bit, any_hit, stored)
+    while pending != 0:
+        k = simd.trailing_zeros(pending)
+        pending &= pending - 1
+        lane_ray = Ray(_at3(rays, 0, k), _at3(rays, 3, k), _at(rays, 6, k), _at(rays, 7, k), _lane_of_time(ray.time, k))
+        first = _trace_ray(accel, lane_ray, _at(rays, 8, k), visible_bit, any_hit, stored)
         t = simd.read(hits, k)
         if any_hit:
             simd.write(hits, _LANES + k, first.transmittance)

@@ -23,23 +23,23 @@ _NO_KEY = np.int32(2**31 - 1)
 @helper
 def intersect_boxes(nodes: Any, node: int, ray: NodeRay, limit: Any) -> tuple[Lane, Lane, int]:
     """(entry distances of a node's boxes, exit distances or the ray's end, bits of the boxes entered before `limit`)."""
-    at = node * NODE
+    start = node * NODE
     x, y, z = ray.near
     near = simd.maximum(
-        simd.maximum(_plane(nodes, at + x, ray, 0), _plane(nodes, at + y, ray, 1)),
-        simd.maximum(_plane(nodes, at + z, ray, 2), spread32(0.0)),
+        simd.maximum(_plane(nodes, start + x, ray, 0), _plane(nodes, start + y, ray, 1)),
+        simd.maximum(_plane(nodes, start + z, ray, 2), spread32(0.0)),
     )
     far = simd.minimum(
-        simd.minimum(_plane(nodes, at + (x ^ WIDTH), ray, 0), _plane(nodes, at + (y ^ WIDTH), ray, 1)),
-        _plane(nodes, at + (z ^ WIDTH), ray, 2),
+        simd.minimum(_plane(nodes, start + (x ^ WIDTH), ray, 0), _plane(nodes, start + (y ^ WIDTH), ray, 1)),
+        _plane(nodes, start + (z ^ WIDTH), ray, 2),
     )
     far = simd.minimum(far * _FAR, spread32(limit))
     return near, far, simd.bits(near <= far)
 
 
 @helper
-def _plane(nodes: Any, at: int, ray: NodeRay, axis: int) -> Lane:
-    return simd.fma(simd.load(nodes, at, WIDTH), ray.scale[axis], ray.shift[axis])
+def _plane(nodes: Any, element: int, ray: NodeRay, axis: int) -> Lane:
+    return simd.fma(simd.load(nodes, element, WIDTH), ray.scale[axis], ray.shift[axis])
 
 
 @helper
@@ -101,9 +101,9 @@ def descend_nearest(links: Any, node: int, near: Lane, hits: int, stack: Any, di
     key = simd.select(simd.mask_from_bits(hits, near), _sort_keys(near), _NO_KEY)
     first = np.int64(simd.min_of(key) & (WIDTH - 1))
     child, last = np.int64(simd.read(links, node * WIDTH + first)), np.int64(simd.read(stack, max(top - 1, 0)))
-    rest = hits & ~(1 << first)
-    push(stack, top, simd.load(links, node * WIDTH, WIDTH), rest)
-    push(distances, top, near, rest)
+    others = hits & ~(1 << first)
+    push(stack, top, simd.load(links, node * WIDTH, WIDTH), others)
+    push(distances, top, near, others)
     return child if hits != 0 else last, top + simd.population(hits) - 1
 
 

@@ -99,8 +99,8 @@ def prepare_rays(group: Packet, shear: PacketShear, central: CentralRay, rays: r
 def _relative_to_central(origin: Vec, factors: Vec, central: CentralRay, axis: int) -> tuple[Lane, Lane]:
     """(offset of rays from the central ray at its start along an axis of the shear, growth of that per unit of depth)."""
     middle, slope = np.float64(central.origin[axis]), np.float64(central.shear[axis])
-    at = simd.fma(factors[axis], np.float64(central.origin[2]) - origin[2], origin[axis])
-    return simd.to_f32(at - middle), simd.to_f32(factors[axis] - slope)
+    position = simd.fma(factors[axis], np.float64(central.origin[2]) - origin[2], origin[axis])
+    return simd.to_f32(position - middle), simd.to_f32(factors[axis] - slope)
 
 
 @helper
@@ -140,11 +140,11 @@ def cull_triangles(leaves: Any, leaf: int, central: CentralRay, ray: CentralFilt
     where one of the rectangle's axes or of its own edges separates the two. The packet's growth along the triangle counts as an error of
     its corners.
     """
-    at, half = leaf * LEAF, np.float32(0.5)
+    leaf_start, half = leaf * LEAF, np.float32(0.5)
     a, b, c = (
-        triangle_filter.shear_corners(leaves, at, ray),
-        triangle_filter.shear_corners(leaves, at + 3 * WIDTH, ray),
-        triangle_filter.shear_corners(leaves, at + 6 * WIDTH, ray),
+        triangle_filter.shear_corners(leaves, leaf_start, ray),
+        triangle_filter.shear_corners(leaves, leaf_start + 3 * WIDTH, ray),
+        triangle_filter.shear_corners(leaves, leaf_start + 6 * WIDTH, ray),
     )
     low, high = triangle_filter.min_of_three(a[2], b[2], c[2]), triangle_filter.max_of_three(a[2], b[2], c[2])
     away, long = half * abs(low + high), half * (high - low)
@@ -169,28 +169,28 @@ def cull_triangles(leaves: Any, leaf: int, central: CentralRay, ray: CentralFilt
 
 
 @helper
-def _store_edge(edges: Any, at: int, p: Vec, q: Vec) -> None:
+def _store_edge(edges: Any, edge: int, p: Vec, q: Vec) -> None:
     """Store the coefficients of `_edge_function` of the edges from p to q."""
-    simd.store(edges, at, triangle_filter.cross(p, q))
-    simd.store(edges, at + WIDTH, p[1] - q[1])
-    simd.store(edges, at + 2 * WIDTH, p[0] - q[0])
-    simd.store(edges, at + 3 * WIDTH, simd.fma(q[2], p[1], -(p[2] * q[1])))
-    simd.store(edges, at + 4 * WIDTH, simd.fma(q[2], p[0], -(p[2] * q[0])))
-    simd.store(edges, at + 5 * WIDTH, q[2] - p[2])
+    simd.store(edges, edge, triangle_filter.cross(p, q))
+    simd.store(edges, edge + WIDTH, p[1] - q[1])
+    simd.store(edges, edge + 2 * WIDTH, p[0] - q[0])
+    simd.store(edges, edge + 3 * WIDTH, simd.fma(q[2], p[1], -(p[2] * q[1])))
+    simd.store(edges, edge + 4 * WIDTH, simd.fma(q[2], p[0], -(p[2] * q[0])))
+    simd.store(edges, edge + 5 * WIDTH, q[2] - p[2])
 
 
 @helper
-def _edge_function(edges: Any, at: int, rays: LeafRays) -> Lane:
+def _edge_function(edges: Any, edge: int, rays: LeafRays) -> Lane:
     """Twice the area of each ray's crossing point and an edge from p to q, given as the central ray sees them.
 
     Relative to a ray of offset s and slant d, a corner p is at p - s - d z. The cross product of two corners is
     p × q + s × (p - q) + d × (q_z p - p_z q) + (s × d) (q_z - p_z).
     """
-    area = simd.fma(rays.twist, simd.read(edges, at + 5 * WIDTH), simd.read(edges, at))
-    area = simd.fma(rays.offset[0], simd.read(edges, at + WIDTH), area)
-    area = simd.fma(rays.offset[1], simd.read(edges, at + 2 * WIDTH), area)
-    area = simd.fma(rays.slant[0], simd.read(edges, at + 3 * WIDTH), area)
-    return simd.fma(rays.slant[1], simd.read(edges, at + 4 * WIDTH), area)
+    area = simd.fma(rays.twist, simd.read(edges, edge + 5 * WIDTH), simd.read(edges, edge))
+    area = simd.fma(rays.offset[0], simd.read(edges, edge + WIDTH), area)
+    area = simd.fma(rays.offset[1], simd.read(edges, edge + 2 * WIDTH), area)
+    area = simd.fma(rays.slant[0], simd.read(edges, edge + 3 * WIDTH), area)
+    return simd.fma(rays.slant[1], simd.read(edges, edge + 4 * WIDTH), area)
 
 
 @helper
@@ -231,43 +231,43 @@ def _rectangle_edge(p: Vec, q: Vec, wide: Lane, tall: Lane, error: Lane) -> tupl
 
 @helper
 def intersect_triangles(
-    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool, edges: Any
+    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, best: PacketHits, any_hit: bool, edges: Any
 ) -> PacketHits:
     """Test all rays against the triangles of a leaf whose bits are set in `which`."""
     if any_hit:
-        return _intersect_any(leaves, leaf, which, rays, central, found, edges)
-    return _intersect_exactly(leaves, leaf, which, rays, central, found, any_hit)
+        return _intersect_any(leaves, leaf, which, rays, central, best, edges)
+    return _intersect_exactly(leaves, leaf, which, rays, central, best, any_hit)
 
 
 @helper
 def _intersect_exactly(
-    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool
+    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, best: PacketHits, any_hit: bool
 ) -> PacketHits:
     """Test in double precision."""
     while which != 0:
         k = simd.trailing_zeros(which)
         which &= which - 1
-        found = _intersect_triangle(leaves, leaf, k, rays, central, found, any_hit)
-    return found
+        best = _intersect_triangle(leaves, leaf, k, rays, central, best, any_hit)
+    return best
 
 
 @helper
 def _intersect_triangle(
-    leaves: Any, leaf: int, j: int, rays: LeafRays, central: CentralRay, found: PacketHits, any_hit: bool
+    leaves: Any, leaf: int, j: int, rays: LeafRays, central: CentralRay, best: PacketHits, any_hit: bool
 ) -> PacketHits:
     hit = _crossing(leaves, leaf * LEAF + j, rays)
     if any_hit and not ops.any_lane(flat.is_ahead(hit, rays.shear[2])):
-        return found
+        return best
     number = ops.int_like(rays.enters, np.int64(triangle_of(leaves, leaf, j)))
-    return _closer_hits(found, rays, central, hit, number, any_hit)
+    return _closer_hits(best, rays, central, hit, number, any_hit)
 
 
 @helper
 def _intersect_any(
-    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, found: PacketHits, edges: Any
+    leaves: Any, leaf: int, which: int, rays: LeafRays, central: CentralRay, best: PacketHits, edges: Any
 ) -> PacketHits:
     """Test in single precision, and in double precision the triangles for which a ray is undecided."""
-    certain, nearest, deepest, undecided = found.certain, found.nearest, found.deepest, 0
+    certain, nearest, deepest, undecided = best.certain, best.nearest, best.deepest, 0
     while which != 0:
         k = simd.trailing_zeros(which)
         which &= which - 1
@@ -282,11 +282,11 @@ def _intersect_any(
         nearest = simd.select(sure, first, nearest)
         deepest = simd.select(sure, ops.full_like(nearest, np.float32(-np.inf)), deepest)
     ends = (deepest - (rays.entry_depth - central.off)) * (rays.scale * _FAR)
-    limits = simd.minimum(ends, found.limits)  # in this order: `ends` may be NaN in lanes outside the packet, whose limits are -inf
-    found = _replace_certain(found, certain, nearest, deepest, limits)
+    limits = simd.minimum(ends, best.limits)  # in this order: `ends` may be NaN in lanes outside the packet, whose limits are -inf
+    best = _replace_certain(best, certain, nearest, deepest, limits)
     if undecided != 0:
-        found = _intersect_exactly(leaves, leaf, undecided, rays, central, found, True)
-    return found
+        best = _intersect_exactly(leaves, leaf, undecided, rays, central, best, True)
+    return best
 
 
 @helper
@@ -301,47 +301,47 @@ def _plane_depth(
 
 
 @helper
-def _crossing(leaves: Any, at: int, rays: LeafRays) -> flat.Crossing:
+def _crossing(leaves: Any, corner: int, rays: LeafRays) -> flat.Crossing:
     """Where all rays cross one triangle, in double precision."""
-    b, c = at + 3 * WIDTH, at + 6 * WIDTH
-    return flat.crossing(_corner(leaves, at, rays), _corner(leaves, b, rays), _corner(leaves, c, rays), rays.shear[0], rays.shear[1])
+    b, c = corner + 3 * WIDTH, corner + 6 * WIDTH
+    return flat.crossing(_corner(leaves, corner, rays), _corner(leaves, b, rays), _corner(leaves, c, rays), rays.shear[0], rays.shear[1])
 
 
 @helper
-def _corner(leaves: Any, at: int, rays: LeafRays) -> Vec:
+def _corner(leaves: Any, corner: int, rays: LeafRays) -> Vec:
     kx, ky, kz = rays.rows
     x, y, z = rays.origin
-    a, b, c = simd.read(leaves, at + kx), simd.read(leaves, at + ky), simd.read(leaves, at + kz)
+    a, b, c = simd.read(leaves, corner + kx), simd.read(leaves, corner + ky), simd.read(leaves, corner + kz)
     return np.float64(a) - x, np.float64(b) - y, np.float64(c) - z
 
 
 @helper
 def _closer_hits(
-    found: PacketHits, rays: LeafRays, central: CentralRay, hit: flat.Crossing, number: Lane, any_hit: bool
+    best: PacketHits, rays: LeafRays, central: CentralRay, hit: flat.Crossing, number: Lane, any_hit: bool
 ) -> PacketHits:
     """The hits so far, or those with triangle `number` where they are closer."""
     t = flat.hit_t(hit, rays.shear[2], rays.t_min, rays.t_max)
-    nearer = (t < found.t) | ((t == found.t) & (t < np.inf) & (number < found.triangle))
-    t = ops.where(nearer, t, found.t)
+    nearer = (t < best.t) | ((t == best.t) & (t < np.inf) & (number < best.triangle))
+    t = ops.where(nearer, t, best.t)
     until = simd.to_f32((t - rays.enters) * ray_state.FAR) if not any_hit else simd.to_f32(ops.where(t < np.inf, -np.inf, t))
     return _replace_exact(
-        found, t, ops.where(nearer, number, found.triangle), ops.where(nearer, hit.v, found.v), ops.where(nearer, hit.w, found.w),
-        ops.where(nearer, hit.total, found.total), simd.minimum(found.deepest, _depth(rays, central, until)),
-        simd.minimum(until, found.limits),
+        best, t, ops.where(nearer, number, best.triangle), ops.where(nearer, hit.v, best.v), ops.where(nearer, hit.w, best.w),
+        ops.where(nearer, hit.total, best.total), simd.minimum(best.deepest, _depth(rays, central, until)),
+        simd.minimum(until, best.limits),
     )  # fmt: skip
 
 
 @helper
-def finish_any(leaves: Any, rays: LeafRays, found: PacketHits) -> PacketHits:
+def finish_any(leaves: Any, rays: LeafRays, best: PacketHits) -> PacketHits:
     """Add the certain hits to the exact ones, with their triangles; t is that of the entry."""
-    certain = found.certain >= np.int32(0)
+    certain = best.certain >= np.int32(0)
     if not ops.any_lane(certain):
-        return found
-    place = simd.maximum(found.certain, 0 * found.certain)
-    at = place // np.int32(WIDTH) * np.int32(LEAF) + (place & np.int32(WIDTH - 1))
-    number = simd.to_i64(simd.float_bits(simd.gather(leaves, at + np.int32(WHICH))))
+        return best
+    place = simd.maximum(best.certain, 0 * best.certain)
+    element = place // np.int32(WIDTH) * np.int32(LEAF) + (place & np.int32(WIDTH - 1))
+    number = simd.to_i64(simd.float_bits(simd.gather(leaves, element + np.int32(WHICH))))
     mask = simd.mask_from_bits(simd.bits(certain), rays.enters)
     return _replace_exact(
-        found, ops.where(mask, rays.enters, found.t), ops.where(mask, number, found.triangle), found.v, found.w, found.total,
-        found.deepest, found.limits,
+        best, ops.where(mask, rays.enters, best.t), ops.where(mask, number, best.triangle), best.v, best.w, best.total,
+        best.deepest, best.limits,
     )  # fmt: skip

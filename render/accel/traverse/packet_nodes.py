@@ -56,24 +56,25 @@ def _bounds(rays: packet.Packet, axis: int) -> tuple[Lane, Lane, Lane, Lane]:
 @helper
 def intersect_boxes(nodes: Any, node: int, beam: Beam, limit: Any) -> tuple[Lane, int]:
     """(earliest entry distance of each box of a node, bits of the boxes that a ray may enter before `limit`)."""
-    at = node * NODE
+    start = node * NODE
     x, y, z = beam.near
     near = simd.maximum(
-        simd.maximum(_plane(nodes, at + x, beam.first, beam.first_shift, 0), _plane(nodes, at + y, beam.first, beam.first_shift, 1)),
-        simd.maximum(_plane(nodes, at + z, beam.first, beam.first_shift, 2), spread32(0.0)),
+        simd.maximum(_plane(nodes, start + x, beam.first, beam.first_shift, 0), _plane(nodes, start + y, beam.first, beam.first_shift, 1)),
+        simd.maximum(_plane(nodes, start + z, beam.first, beam.first_shift, 2), spread32(0.0)),
     )
     far = simd.minimum(
         simd.minimum(
-            _plane(nodes, at + (x ^ WIDTH), beam.last, beam.last_shift, 0), _plane(nodes, at + (y ^ WIDTH), beam.last, beam.last_shift, 1)
+            _plane(nodes, start + (x ^ WIDTH), beam.last, beam.last_shift, 0),
+            _plane(nodes, start + (y ^ WIDTH), beam.last, beam.last_shift, 1)
         ),
-        _plane(nodes, at + (z ^ WIDTH), beam.last, beam.last_shift, 2),
+        _plane(nodes, start + (z ^ WIDTH), beam.last, beam.last_shift, 2),
     )
     return near, simd.bits(near <= simd.minimum(far * _FAR, spread32(limit)))
 
 
 @helper
-def _plane(nodes: Any, at: int, scale: Vec, shift: Vec, axis: int) -> Lane:
-    return simd.fma(simd.load(nodes, at, WIDTH), scale[axis], shift[axis])
+def _plane(nodes: Any, element: int, scale: Vec, shift: Vec, axis: int) -> Lane:
+    return simd.fma(simd.load(nodes, element, WIDTH), scale[axis], shift[axis])
 
 
 @helper
@@ -99,17 +100,17 @@ def intersect_mesh_packet(
     if not packet.share_leaves(central, active, extent, leaf_extent, any_hit):
         return *none, False
     leaf_rays = packet_leaves.prepare_rays(group, shear, central, rays)
-    found = _traverse(tree, root, near, hits, beam, central, leaf_rays, packet_leaves.no_hits(leaf_rays, central, limits), any_hit)
-    return found.t, found.triangle, found.v / found.total, found.w / found.total, True
+    best = _traverse(tree, root, near, hits, beam, central, leaf_rays, packet_leaves.no_hits(leaf_rays, central, limits), any_hit)
+    return best.t, best.triangle, best.v / best.total, best.w / best.total, True
 
 
 @helper
 def _traverse(
     tree: Any, root: int, near: Lane, hits: int, beam: Beam, central: packet.CentralRay, rays: packet_leaves.LeafRays,
-    found: packet_leaves.PacketHits, any_hit: bool,
+    best: packet_leaves.PacketHits, any_hit: bool,
 ) -> packet_leaves.PacketHits:  # fmt: skip
     """The hits of a packet that enters the boxes `hits` of the root at `near`."""
-    central_filter, limit = packet_leaves.central_filter(central), simd.max_of(found.limits)
+    central_filter, limit = packet_leaves.central_filter(central), simd.max_of(best.limits)
     edges = simd.stack_array(np.float32, EDGES)
     stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     node, top = node_stack.descend_nearest(tree.links, root, near, hits, stack, distances, np.int64(0))
@@ -122,12 +123,12 @@ def _traverse(
             leaf, before = ~node, limit
             _prefetch_top(tree, stack, top)
             hits = packet_leaves.cull_triangles(tree.leaves, leaf, central, central_filter, limit, edges)
-            found = packet_leaves.intersect_triangles(tree.leaves, leaf, hits, rays, central, found, any_hit, edges)
-            limit = simd.max_of(found.limits)
+            best = packet_leaves.intersect_triangles(tree.leaves, leaf, hits, rays, central, best, any_hit, edges)
+            limit = simd.max_of(best.limits)
             if limit < before:
                 top = node_stack.cull(stack, distances, 0, top, limit)
             node, top = node_stack.pop(stack, top)
-    return packet_leaves.finish_any(tree.leaves, rays, found) if any_hit else found
+    return packet_leaves.finish_any(tree.leaves, rays, best) if any_hit else best
 
 
 @helper

@@ -133,18 +133,18 @@ def intersect_node(nodes: Any, node: int, rays: RayInterval, t_min: Any, t_max: 
 
     For a single ray, `least` and `most` are the same value, and the compiler drops the second product.
     """
-    at = node * NODE
+    start = node * NODE
     near, far = spread64(t_min), spread64(t_max)
-    near, far = _clip_to_slabs(nodes, at, rays, 0, near, far)
-    near, far = _clip_to_slabs(nodes, at, rays, 1, near, far)
-    near, far = _clip_to_slabs(nodes, at, rays, 2, near, far)
+    near, far = _clip_to_slabs(nodes, start, rays, 0, near, far)
+    near, far = _clip_to_slabs(nodes, start, rays, 1, near, far)
+    near, far = _clip_to_slabs(nodes, start, rays, 2, near, far)
     return _round_down(near), simd.to_f32(far), simd.bits(near <= far)
 
 
 @helper
-def _clip_to_slabs(nodes: Any, at: int, rays: RayInterval, k: int, near: Lane, far: Lane) -> tuple[Lane, Lane]:
-    lo = simd.to_f64(simd.load(nodes, at + rays.rows[k], WIDTH)) - rays.near[k]
-    hi = simd.to_f64(simd.load(nodes, at + (rays.rows[k] ^ WIDTH), WIDTH)) - rays.far[k]
+def _clip_to_slabs(nodes: Any, start: int, rays: RayInterval, k: int, near: Lane, far: Lane) -> tuple[Lane, Lane]:
+    lo = simd.to_f64(simd.load(nodes, start + rays.rows[k], WIDTH)) - rays.near[k]
+    hi = simd.to_f64(simd.load(nodes, start + (rays.rows[k] ^ WIDTH), WIDTH)) - rays.far[k]
     near = simd.maximum(near, simd.minimum(lo * rays.least[k], lo * rays.most[k]))
     return near, simd.minimum(far, simd.maximum(hi * rays.least[k], hi * rays.most[k]) * FAR)
 
@@ -154,14 +154,14 @@ def intersect_node_each(nodes: Any, node: int, ray: BoxRay, t_min: Lane, t_max: 
     """(first entry t, bits of the boxes entered) for rays in any directions, one box at a time."""
     first = simd.stack_array(np.float64, WIDTH)
     simd.store(first, 0, spread64(np.inf))
-    at = node * NODE
+    start = node * NODE
     for i in range(WIDTH):
-        if simd.read(nodes, at + i) == np.inf:
+        if simd.read(nodes, start + i) == np.inf:
             break
         near, far = t_min, t_max
-        near, far = _clip_to_slab(nodes, at + i, ray.near[0], ray.far[0], ray.inverse[0], ray.x, near, far)
-        near, far = _clip_to_slab(nodes, at + 2 * WIDTH + i, ray.near[1], ray.far[1], ray.inverse[1], ray.y, near, far)
-        near, far = _clip_to_slab(nodes, at + 4 * WIDTH + i, ray.near[2], ray.far[2], ray.inverse[2], ray.z, near, far)
+        near, far = _clip_to_slab(nodes, start + i, ray.near[0], ray.far[0], ray.inverse[0], ray.x, near, far)
+        near, far = _clip_to_slab(nodes, start + 2 * WIDTH + i, ray.near[1], ray.far[1], ray.inverse[1], ray.y, near, far)
+        near, far = _clip_to_slab(nodes, start + 4 * WIDTH + i, ray.near[2], ray.far[2], ray.inverse[2], ray.z, near, far)
         simd.write(first, i, crosslane.reduce_min(ops.where(near <= far, near, np.inf)))
     least = simd.load(first, 0, WIDTH)
     return _round_down(least), simd.bits(least < np.inf)
@@ -175,7 +175,7 @@ def _round_down(t: Lane) -> Lane:
 
 
 @helper
-def _clip_to_slab(nodes: Any, at: int, behind: Lane, ahead: Lane, inverse: Lane, up: Lane, near: Lane, far: Lane) -> tuple[Lane, Lane]:
-    low, high = np.float64(simd.read(nodes, at)), np.float64(simd.read(nodes, at + WIDTH))
+def _clip_to_slab(nodes: Any, element: int, behind: Lane, ahead: Lane, inverse: Lane, up: Lane, near: Lane, far: Lane) -> tuple[Lane, Lane]:
+    low, high = np.float64(simd.read(nodes, element)), np.float64(simd.read(nodes, element + WIDTH))
     near = ops.maximum((ops.where(up, low, high) - behind) * inverse, near)
     return near, ops.minimum((ops.where(up, high, low) - ahead) * inverse * FAR, far)

@@ -31,23 +31,23 @@ def link(accel: Handle) -> None:
 
 def _link_formulas(accel: Handle) -> int:
     """Link the formula kernels that the scene needs, by closed form or by search; return the address of their entry."""
-    parts, given = accel.tables.forms.parts, (accel.part("forms"), INT64, VEC, VEC, FLOAT, FLOAT)
+    parts, argument_types = accel.tables.forms.parts, (accel.part("forms"), INT64, VEC, VEC, FLOAT, FLOAT)
     closed = parts.places[:, 1] > 0
     if not closed.any():
         from ...formula import intersect
 
-        return intersect.first_hit.link(*given)
+        return intersect.first_hit.link(*argument_types)
     from ...formula import closed_form_hits
 
     if (parts.kinds >= TORUS).any():
         parts.kernels[2] = closed_form_hits.crossings.link(accel.part("forms.parts.numbers"), INT64, VEC, VEC)
-    parts.kernels[0] = closed_form_hits.first_hit.link(*given)
+    parts.kernels[0] = closed_form_hits.first_hit.link(*argument_types)
     if closed.all():
         return int(parts.kernels[0])
     from ...formula import intersect
 
-    parts.kernels[1] = intersect.first_hit.link(*given)
-    return closed_form_hits.dispatch_hit.link(*given)
+    parts.kernels[1] = intersect.first_hit.link(*argument_types)
+    return closed_form_hits.dispatch_hit.link(*argument_types)
 
 
 def _rare(parameters, kind, g, o, d, t_min, t_max):

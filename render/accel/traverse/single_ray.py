@@ -135,23 +135,24 @@ def _intersect_triangle(
 @helper
 def crossing(leaves: Any, leaf: int, j: int, ray: ShearedRay) -> flat.Crossing:
     """Where a ray crosses triangle j of a leaf, in double precision."""
-    at = leaf * LEAF + j
+    corner = leaf * LEAF + j
     return flat.crossing(
-        _corner(leaves, at, ray), _corner(leaves, at + 3 * WIDTH, ray), _corner(leaves, at + 6 * WIDTH, ray), ray.shear[0], ray.shear[1],
+        _corner(leaves, corner, ray), _corner(leaves, corner + 3 * WIDTH, ray), _corner(leaves, corner + 6 * WIDTH, ray), ray.shear[0],
+        ray.shear[1],
     )  # fmt: skip
 
 
 @helper
-def _corner(leaves: Any, at: int, ray: ShearedRay) -> Vec:
+def _corner(leaves: Any, corner: int, ray: ShearedRay) -> Vec:
     return (
-        np.float64(simd.read(leaves, at + ray.x)) - ray.origin[0], np.float64(simd.read(leaves, at + ray.y)) - ray.origin[1],
-        np.float64(simd.read(leaves, at + ray.z)) - ray.origin[2],
+        np.float64(simd.read(leaves, corner + ray.x)) - ray.origin[0], np.float64(simd.read(leaves, corner + ray.y)) - ray.origin[1],
+        np.float64(simd.read(leaves, corner + ray.z)) - ray.origin[2],
     )  # fmt: skip
 
 
 @helper
 def prefetch_leaf(tree: Any, node: int) -> None:
     """Prefetch a leaf that is read soon; nothing of a node, which other rays have read before."""
-    at = max(~node, 0) * LEAF
+    leaf_start = max(~node, 0) * LEAF
     for line in range((LEAF + 15) // 16):
-        simd.prefetch(tree.leaves, at + line * 16)
+        simd.prefetch(tree.leaves, leaf_start + line * 16)

@@ -53,8 +53,12 @@ class Evaluation(NamedTuple):
 @helper
 def evaluate(leaves: Any, leaf: int, ray: FilterRay) -> Evaluation:
     """Evaluate the triangles of a leaf against a ray."""
-    at = leaf * LEAF
-    a, b, c = shear_corners(leaves, at, ray), shear_corners(leaves, at + 3 * WIDTH, ray), shear_corners(leaves, at + 6 * WIDTH, ray)
+    leaf_start = leaf * LEAF
+    a, b, c = (
+        shear_corners(leaves, leaf_start, ray),
+        shear_corners(leaves, leaf_start + 3 * WIDTH, ray),
+        shear_corners(leaves, leaf_start + 6 * WIDTH, ray),
+    )
     u, v, w, error = weights(a, b, c, ray.off, ray.least)
     low, high = min_of_three(a[2], b[2], c[2]), max_of_three(a[2], b[2], c[2])
     depth, blur = plane_depth(u, v, w, error, simd.fma(w, c[2], simd.fma(v, b[2], u * a[2])), simd.maximum(high, -low), ray.off)
@@ -103,12 +107,12 @@ def candidates(leaves: Any, leaf: int, ray: FilterRay, limit: Any) -> int:
 
 
 @helper
-def shear_corners(leaves: Any, at: int, ray: FilterRay) -> Vec:
+def shear_corners(leaves: Any, corner: int, ray: FilterRay) -> Vec:
     """The first, second or third corners of a leaf's triangles, sheared so that the ray runs along the depth axis."""
-    z = simd.fma(simd.load(leaves, at + ray.z, WIDTH), ray.sign, -ray.origin[2])
+    z = simd.fma(simd.load(leaves, corner + ray.z, WIDTH), ray.sign, -ray.origin[2])
     return (
-        simd.fma(-ray.shear[0], z, simd.load(leaves, at + ray.x, WIDTH) - ray.origin[0]),
-        simd.fma(-ray.shear[1], z, simd.load(leaves, at + ray.y, WIDTH) - ray.origin[1]),
+        simd.fma(-ray.shear[0], z, simd.load(leaves, corner + ray.x, WIDTH) - ray.origin[0]),
+        simd.fma(-ray.shear[1], z, simd.load(leaves, corner + ray.y, WIDTH) - ray.origin[1]),
         z,
     )  # fmt: skip
 

@@ -40,10 +40,10 @@ def _search(accel, origin, direction, t_min, t_max, active, visible_bit, any_hit
         best = intersect_instance(accel, i, origin, direction, t_min, until, visible_bit, any_hit, best)
         if any_hit:
             until = ops.where(best.instance >= 0, zero - np.inf, until)
-    left = crosslane.bits(until > t_min)
-    if accel.only >= 0 or len(accel.top.links) == 0 or left == 0:
+    pending = crosslane.bits(until > t_min)
+    if accel.only >= 0 or len(accel.top.links) == 0 or pending == 0:
         return best
-    return _traverse_top(accel, origin, direction, t_min, until, left, visible_bit, any_hit, best)
+    return _traverse_top(accel, origin, direction, t_min, until, pending, visible_bit, any_hit, best)
 
 
 SEARCH = (VEC, VEC, FLOAT, FLOAT, MASK, INT64, BOOL)  # arguments of `search` after the BVH
@@ -60,7 +60,7 @@ def is_sound(origin: Vec, direction: Vec) -> Lane:
 
 @helper
 def _skip_top(
-    accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, pending: int, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:  # fmt: skip
     return best
 
@@ -68,24 +68,24 @@ def _skip_top(
 @skip_when_tagged(NO_TREE, _skip_top)
 @helper
 def _traverse_top(
-    accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, left: int, visible_bit: int, any_hit: bool, best: Hit
+    accel: Any, origin: Vec, direction: Vec, t_min: Lane, until: Lane, pending: int, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:  # fmt: skip
-    """`best`, or closer hits in the BVH over instances of the rays whose bits are set in `left`."""
+    """`best`, or closer hits in the BVH over instances of the rays whose bits are set in `pending`."""
     o, d = tlas.to_frame(accel.top, origin, direction)
     rays = SceneRays(origin, direction, t_min, until, o, d, ray_box.world_ray(o, d))
-    narrow = is_narrow(rays, left)
+    narrow = is_narrow(rays, pending)
     nodes = len(accel.top.links)
-    if narrow or nodes <= SMALLEST or (nodes <= SMALL and is_within(rays, left, WIDE)):
+    if narrow or nodes <= SMALLEST or (nodes <= SMALL and is_within(rays, pending, WIDE)):
         return traverse_packet(accel, rays, visible_bit, any_hit, narrow, best)
-    return interleaved_scene.trace_incoherent(accel, rays, left, visible_bit, any_hit, best)
+    return interleaved_scene.trace_incoherent(accel, rays, pending, visible_bit, any_hit, best)
 
 
 @helper
-def is_narrow(rays: SceneRays, left: int) -> bool:
-    """Whether the active rays, bits of `left`, are at least MIN_RAYS, of one octant, within the angle of NARROW."""
-    if simd.population(left) < MIN_RAYS:
+def is_narrow(rays: SceneRays, active: int) -> bool:
+    """Whether the active rays, bits of `active`, are at least MIN_RAYS, of one octant, within the angle of NARROW."""
+    if simd.population(active) < MIN_RAYS:
         return False
-    k, ray, direction = simd.trailing_zeros(left), rays.box, rays.direction
+    k, ray, direction = simd.trailing_zeros(active), rays.box, rays.direction
     first = crosslane.lane3(direction, k)
     difference = ops.sub(direction, first)
     near = ops.dot(difference, difference) <= NARROW * ops.dot(first, first)
@@ -94,9 +94,9 @@ def is_narrow(rays: SceneRays, left: int) -> bool:
 
 
 @helper
-def is_within(rays: SceneRays, left: int, most: Any) -> bool:
-    """Whether no active ray, bits of `left`, differs from the first one by more than an angle, the square root of `most`."""
-    first = crosslane.lane3(rays.direction, simd.trailing_zeros(left))
+def is_within(rays: SceneRays, active: int, most: Any) -> bool:
+    """Whether no active ray, bits of `active`, differs from the first one by more than an angle, the square root of `most`."""
+    first = crosslane.lane3(rays.direction, simd.trailing_zeros(active))
     difference = ops.sub(rays.direction, first)
     apart = ops.dot(difference, difference) > most * ops.dot(first, first)
     return ops.not_(ops.any_lane((rays.until > rays.t_min) & apart))
@@ -142,17 +142,17 @@ def intersect_instance(
     g, kind = accel.instance_rows[i, 2], accel.instance_rows[i, 3]
     o, d = affine.transform_point(accel.inverse, i, origin), affine.transform_vector(accel.inverse, i, direction)
     zero = ops.full_like(t_min, 0.0)
-    found = Hit(zero + np.inf, ops.int_like(zero, i), ops.int_like(zero, -1), zero, zero)
+    hit = Hit(zero + np.inf, ops.int_like(zero, i), ops.int_like(zero, -1), zero, zero)
     if kind == MESH:
-        found = _intersect_mesh_instance(accel, i, g, o, d, t_min, t_max, best.t, any_hit, found)
+        hit = _intersect_mesh_instance(accel, i, g, o, d, t_min, t_max, best.t, any_hit, hit)
     else:
         until = ops.minimum(t_max, best.t + 1e-15 * abs(best.t))  # not less: of hits at the same t the lowest instance wins
         t, part, u, v = shape_hit.intersect_shape(accel, kind, g, o, d, t_min, until)
-        found = Hit(t, found.instance, part, u, v)
-    nearer = (found.t < best.t) | ((found.t == best.t) & (found.t < np.inf) & (i < best.instance))
+        hit = Hit(t, hit.instance, part, u, v)
+    nearer = (hit.t < best.t) | ((hit.t == best.t) & (hit.t < np.inf) & (i < best.instance))
     return Hit(
-        ops.where(nearer, found.t, best.t), ops.where(nearer, found.instance, best.instance),
-        ops.where(nearer, found.primitive, best.primitive), ops.where(nearer, found.u, best.u), ops.where(nearer, found.v, best.v),
+        ops.where(nearer, hit.t, best.t), ops.where(nearer, hit.instance, best.instance),
+        ops.where(nearer, hit.primitive, best.primitive), ops.where(nearer, hit.u, best.u), ops.where(nearer, hit.v, best.v),
     )  # fmt: skip
 
 
@@ -194,5 +194,5 @@ def enter_mesh(accel: Any, g: int, o: Vec, d: Vec, t_min: Lane, t_max: Lane, unt
     """(rays prepared for mesh g, bits of those that enter its box)."""
     box = ray_box.local_ray(o, d)
     enters = ray_box.intersect_box(row_gather.eight_at(accel.boxes, g, 0), box, t_min, until)
-    there = enters < np.inf
-    return MeshRays(o, d, box, ops.where(there, enters, 0.0), t_min, t_max, until), crosslane.bits(there)
+    enters_box = enters < np.inf
+    return MeshRays(o, d, box, ops.where(enters_box, enters, 0.0), t_min, t_max, until), crosslane.bits(enters_box)

@@ -78,7 +78,7 @@ def test_hidden_bits_of_a_light(tmp_path):
     memory, pixels = renderer.packets.memory(), np.ones((64, 64), np.int64)
     film = types.Film(np.zeros((64, 64, 3)), np.zeros((64, 64)), np.zeros((64, 64), np.int64))
     ray_packets.draw_tile(renderer.packets.scene, types.Tile(0, 0, 64, 64), 0 * pixels, pixels, 1, film, memory)
-    found = memory.tables.found
+    found = memory.tables.hits
     met, (light,) = found.instance >= 0, renderer.prepared.packet_lights
     asked, hidden = (found.hidden >> 2 * light) & 1 != 0, (found.hidden >> 2 * light) & 2 != 0
     assert 100 < hidden.sum() < asked.sum() < met.sum()

@@ -107,10 +107,10 @@ def _between_planes(planes: Any, ray: Ray, tables: Tables, view: View) -> Ray:
     inverse = instance_transform.transform_at(tables, tables.cameras.transform[view.camera], ray.time).inverse
     origin, along = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
     start, end = ray.t_min + 0.0 * along[0], ray.t_max + 0.0 * along[0]
-    of = tables.cameras.planes
+    coefficients = tables.cameras.planes
     for k in range(planes.count):
-        a, b, c = of[view.camera, k, 0], of[view.camera, k, 1], of[view.camera, k, 2]
-        height = a * origin[0] + b * origin[1] + c * origin[2] + of[view.camera, k, 3]
+        a, b, c = coefficients[view.camera, k, 0], coefficients[view.camera, k, 1], coefficients[view.camera, k, 2]
+        height = a * origin[0] + b * origin[1] + c * origin[2] + coefficients[view.camera, k, 3]
         slope = a * along[0] + b * along[1] + c * along[2]
         cut = -height / ops.where(slope == 0.0, 1.0, slope)
         start = ops.where(slope > 0.0, ops.maximum(start, cut), start)

@@ -19,13 +19,13 @@ Arrays = Mapping[str, NDArray[Any]]
 
 def pack(about: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
     """Bytes of JSON data and arrays."""
-    rows, parts, at = [], [], 0
+    rows, parts, offset = [], [], 0
     for name, array in (arrays or {}).items():
         array = np.asarray(array)
         rows.append([name, array.dtype.str, list(array.shape)])
         data = np.ascontiguousarray(array).tobytes()
         parts += [data, bytes(-len(data) % ALIGNMENT)]
-        at += len(data) + len(parts[-1])
+        offset += len(data) + len(parts[-1])
     head = json.dumps([about, rows], default=_plain).encode()
     head += b" " * (-(8 + len(head)) % ALIGNMENT)
     return b"".join([len(head).to_bytes(8, "little"), head, *parts])
@@ -35,14 +35,14 @@ def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """(data, arrays) of `pack`; the arrays are read-only views of the message. Raises ValueError for other bytes."""
     size = int.from_bytes(message[:8], "little")
     about, rows = json.loads(message[8 : 8 + size])
-    arrays, at = {}, 8 + size
+    arrays, offset = {}, 8 + size
     for name, kind, shape in rows:
         dtype, count = np.dtype(kind), math.prod(shape)
         if dtype.hasobject:
             raise ValueError(f"an array of {dtype}")
-        arrays[name] = np.frombuffer(message, dtype, count, at).reshape(shape)
-        at += count * dtype.itemsize
-        at += -at % ALIGNMENT
+        arrays[name] = np.frombuffer(message, dtype, count, offset).reshape(shape)
+        offset += count * dtype.itemsize
+        offset += -offset % ALIGNMENT
     return about, arrays
 
 
@@ -59,8 +59,8 @@ def plan_to(plan: Plan) -> list[list[Any]]:
 
 def plan_from(rows: list[list[Any]], threads: int) -> Plan:
     """The plan of `plan_to`, without reasons."""
-    made = {name: Decision(name, tuples(value), "", overridden=bool(overridden)) for name, value, overridden in rows}
-    return Plan({**made, "threads": Decision("threads", threads, "")})
+    decisions = {name: Decision(name, tuples(value), "", overridden=bool(overridden)) for name, value, overridden in rows}
+    return Plan({**decisions, "threads": Decision("threads", threads, "")})
 
 
 def tuples(value: Any) -> Any:

@@ -202,10 +202,10 @@ def noise_notes(about: Mapping[str, Any], plan: Plan) -> list[Diagnostic]:
     if about.get("denoised") and error is None:
         message = f"the picture is denoised: {_limit_of(plan)} ended before its error was known"
         return [Diagnostic("note", message, None, "a longer --budget leaves less noise; --no-denoise shows it")]
-    wanted = decision.denoised_above(plan) if default or by_error else NOISY
-    if error is None or error <= wanted:
+    target = decision.denoised_above(plan) if default or by_error else NOISY
+    if error is None or error <= target:
         return []
-    longer = f"--error {wanted:.0%} takes about {time_range((error / wanted) ** 2 * about['seconds']['render'])}"
+    longer = f"--error {target:.0%} takes about {time_range((error / target) ** 2 * about['seconds']['render'])}"
     work, remaining = _limit_of(plan), about.get("denoised_error")
     if about.get("denoised"):
         after = "there was no time to measure what is left" if remaining is None else f"about {remaining:.1%} are left"

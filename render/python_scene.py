@@ -22,12 +22,12 @@ class Scene(ir.Scene):
     """Warnings and notes of its compilation."""
 
     @classmethod
-    def of(cls, scene: ir.Scene, found: Iterable[Diagnostic] = ()) -> Scene:
+    def of(cls, scene: ir.Scene, diagnostics: Iterable[Diagnostic] = ()) -> Scene:
         """The same scene, with the diagnostics of its compilation."""
         if isinstance(scene, cls):
             return scene
         wrapped = cls(**{field.name: getattr(scene, field.name) for field in fields(ir.Scene)})
-        object.__setattr__(wrapped, "diagnostics", tuple(found))
+        object.__setattr__(wrapped, "diagnostics", tuple(diagnostics))
         return wrapped
 
     def render(self, *, plan: Mapping[str, str] | None = None, diagnostics: Diagnostics | None = None, **settings: Any) -> Image:

@@ -65,12 +65,12 @@ def draw(
             layers = [name for name in plan["aov"] if name in cryptomatte.LAYERS]
             mattes = cryptomatte.Mattes(scene, layers) if layers else None
         with kernel_cache.timed(seconds, "render"):
-            told = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
+            reporter = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
             checkpoint = None if lit or by_moments else keeper
-            put = renderer.put if lit else lambda image: None
+            write_groups = renderer.put if lit else lambda image: None
             ready = {"ready": deadline.spent(), "ready_cpu": deadline.cpu_spent()}
-            work = (renderer, plan, view, told, cancel or threading.Event(), mattes, checkpoint, progressive)
-            image = _draw_in_time(work, deadline, put) if deadline.is_finite else _draw(work, put)
+            work = (renderer, plan, view, reporter, cancel or threading.Event(), mattes, checkpoint, progressive)
+            image = _draw_in_time(work, deadline, write_groups) if deadline.is_finite else _draw(work, write_groups)
     tell(Progress("finishing"))
     notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", undrawn)] * (undrawn >= 0)
     notes += accumulation.notes(scene, plan) if by_moments else []
@@ -88,11 +88,11 @@ def draw(
     return image
 
 
-def _draw(work: tuple[Any, ...], put: Callable[[Image], None]) -> Image:
-    """A picture without a budget; `work` are the arguments of film.run, `put` writes the channels of light groups."""
+def _draw(work: tuple[Any, ...], write_groups: Callable[[Image], None]) -> Image:
+    """A picture without a budget; `work` are the arguments of film.run, `write_groups` writes the channels of light groups."""
     renderer, plan, _, report, *_ = work
     image = film.run(*work)
-    put(image)
+    write_groups(image)
     if decision.denoises(plan, image.metadata["error"], image.metadata["partial"]):
         from .film import denoise  # loads pyoidn
 
@@ -102,11 +102,11 @@ def _draw(work: tuple[Any, ...], put: Callable[[Image], None]) -> Image:
     return image
 
 
-def _draw_in_time(work: tuple[Any, ...], deadline: Deadline, put: Callable[[Image], None]) -> Image:
+def _draw_in_time(work: tuple[Any, ...], deadline: Deadline, write_groups: Callable[[Image], None]) -> Image:
     """As _draw, with a budget."""
     from .backends import timed_picture  # loads the denoiser
 
-    return timed_picture.run(timed_picture.Work(*work), deadline, put)
+    return timed_picture.run(timed_picture.Work(*work), deadline, write_groups)
 
 
 def _add_bloom(scene: ir.Scene, plan: Plan, image: Image) -> None:

@@ -65,30 +65,30 @@ def add_batch(film, count, window, sums, differences, rgba, least, shown, tile):
     (h, w, 3) hold d, inf after one batch. Adds to shown[tile] (levels, 2), at pixels that are doubled, d² / (value² + `least`) before and
     after, at the level of their samples. The value is the geometric mean of both batches, at least half of the mean, as one may be black.
     """
-    known_whole, at = 0.0, 0  # neighbors mostly have equal counts
+    last_count, level_row = 0.0, 0  # neighbors mostly have equal counts
     for row in range(window.rows):
         for column in range(window.columns):
             y, x, v, u = window.sums_row + row, window.sums_column + column, window.row + row, window.column + column
             new, old = count[row, column], sums.samples[y, x]
             if new == 0:
                 continue
-            whole = float(old + new)
-            if whole != known_whole:
-                known_whole, at = whole, level(whole)
+            sample_count = float(old + new)
+            if sample_count != last_count:
+                last_count, level_row = sample_count, level(sample_count)
             beyond = False
-            weight = math.sqrt(float(old) * float(new)) / whole
+            weight = math.sqrt(float(old) * float(new)) / sample_count
             for k in range(3):
                 total = sums.color[y, x, k] + film.color[row, column, k]
-                mean = total / whole
+                mean = total / sample_count
                 if old > 0:
-                    one, other = sums.color[y, x, k] / old, film.color[row, column, k] / new
-                    before, now = np.float64(differences[v, u, k]), (one - other) * weight
-                    value = math.sqrt(max(one * other, 0.25 * mean * mean))
+                    old_mean, new_mean = sums.color[y, x, k] / old, film.color[row, column, k] / new
+                    before, now = np.float64(differences[v, u, k]), (old_mean - new_mean) * weight
+                    value = math.sqrt(max(old_mean * new_mean, 0.25 * mean * mean))
                     if old == new and before < np.inf:
                         below = value * value + least
                         if below > 0.0:
-                            shown[tile, at, 0] += before * before / below
-                            shown[tile, at, 1] += now * now / below
+                            shown[tile, level_row, 0] += before * before / below
+                            shown[tile, level_row, 1] += now * now / below
                     differences[v, u, k] = now
                 sums.color[y, x, k] = total
                 rgba[v, u, k] = min(max(mean, -LARGEST), LARGEST)
@@ -96,7 +96,7 @@ def add_batch(film, count, window, sums, differences, rgba, least, shown, tile):
             sums.alpha[y, x] += film.alpha[row, column]
             sums.issues[y, x] += film.issues[row, column] + (1 if beyond else 0)
             sums.samples[y, x] = old + new
-            rgba[v, u, 3] = sums.alpha[y, x] / whole
+            rgba[v, u, 3] = sums.alpha[y, x] / sample_count
 
 
 @helper
@@ -159,20 +159,20 @@ def relative_error(differences, rgba, samples, share, least, out, top=0, bottom=
     """
     height, width = out.shape
     rows = 2 * REACH + 1
-    light, noise, known = np.zeros((rows, width, 3)), np.zeros((rows, width, 3)), np.zeros((rows, width))
+    light, noise, is_measured = np.zeros((rows, width, 3)), np.zeros((rows, width, 3)), np.zeros((rows, width))
     columns = np.zeros((width, 3, 3))  # sums over the window's rows: light, its square, noise
     counts = np.zeros(width)
-    ready, known_samples, scale = max(top - REACH, 0), 0, share[0] / 3.0
+    ready, last_samples, scale = max(top - REACH, 0), 0, share[0] / 3.0
     for y in range(top, min(bottom, height)):
         while ready < min(y + REACH + 1, height):
             row = ready % rows
-            without_strays(differences, rgba, ready, light[row], noise[row], known[row])
+            without_strays(differences, rgba, ready, light[row], noise[row], is_measured[row])
             ready += 1
         columns[...], counts[...] = 0.0, 0.0
         for j in range(max(y - REACH, 0), min(y + REACH + 1, height)):
             row = j % rows
             for x in range(width):
-                if known[row, x] > 0.0:
+                if is_measured[row, x] > 0.0:
                     counts[x] += 1.0
                     for k in range(3):
                         value = light[row, x, k]
@@ -181,7 +181,7 @@ def relative_error(differences, rgba, samples, share, least, out, top=0, bottom=
                         columns[x, k, 2] += noise[row, x, k]
         row = y % rows
         for x in range(width):
-            if known[row, x] == 0.0:
+            if is_measured[row, x] == 0.0:
                 out[y, x] = np.inf
                 continue
             total, first, last = 0.0, max(x - REACH, 0), min(x + REACH + 1, width)
@@ -189,16 +189,16 @@ def relative_error(differences, rgba, samples, share, least, out, top=0, bottom=
             for i in range(first, last):
                 count += counts[i]
             for k in range(3):
-                one, square, spread = 0.0, 0.0, 0.0
+                light_sum, square, spread = 0.0, 0.0, 0.0
                 for i in range(first, last):
-                    one += columns[i, k, 0]
+                    light_sum += columns[i, k, 0]
                     square += columns[i, k, 1]
                     spread += columns[i, k, 2]
-                seen = likely_light(one, square, spread, count, light[row, x, k], noise[row, x, k])
+                seen = likely_light(light_sum, square, spread, count, light[row, x, k], noise[row, x, k])
                 total += square_of(differences[y, x, k]) / (seen * seen + least)
-            if samples[y, x] != known_samples:
-                known_samples = samples[y, x]
-                scale = share[level(known_samples)] / 3.0
+            if samples[y, x] != last_samples:
+                last_samples = samples[y, x]
+                scale = share[level(last_samples)] / 3.0
             out[y, x] = total * scale
 
 
@@ -209,20 +209,20 @@ def square_of(value):
 
 
 @helper
-def likely_light(one, square, spread, count, light, noise):
+def likely_light(light_sum, square, spread, count, light, noise):
     """Return the likely light of a pixel, from the sums of light, its square and noise over the `count` pixels of its window."""
-    mean = one / count
+    mean = light_sum / count
     of_noise = CAUTION * spread / count
     differences = max(square / count - mean * mean, 0.0) * count / max(count - 1.0, 1.0)
     true = max(differences - spread / count, 0.0)
     if true + of_noise <= 0.0:
         return mean
-    own = math.sqrt(max(light * light - noise, 0.25 * light * light))
-    return mean + true / (true + of_noise) * (own - mean)
+    own_light = math.sqrt(max(light * light - noise, 0.25 * light * light))
+    return mean + true / (true + of_noise) * (own_light - mean)
 
 
 @helper
-def without_strays(differences, rgba, y, light, noise, known):
+def without_strays(differences, rgba, y, light, noise, is_measured):
     """Write the light and noise (w, 3) of row `y`, and whether they are known (w,).
 
     A pixel whose variance is more than STRAY times the mean of its eight neighbors' takes their mean noise, and their mean light if that is
@@ -230,9 +230,9 @@ def without_strays(differences, rgba, y, light, noise, known):
     """
     height, width = rgba.shape[0], rgba.shape[1]
     for x in range(width):
-        known[x] = 1.0 if differences[y, x, 0] < np.inf else 0.0
+        is_measured[x] = 1.0 if differences[y, x, 0] < np.inf else 0.0
         for k in range(3):
-            own, spread = abs(np.float64(rgba[y, x, k])), square_of(differences[y, x, k])
+            own_light, spread = abs(np.float64(rgba[y, x, k])), square_of(differences[y, x, k])
             total, around, count = 0.0, 0.0, 0.0
             for j in range(max(y - 1, 0), min(y + 2, height)):
                 for i in range(max(x - 1, 0), min(x + 2, width)):
@@ -241,5 +241,5 @@ def without_strays(differences, rgba, y, light, noise, known):
                         around += abs(np.float64(rgba[j, i, k]))
                         count += 1.0
             if count > 0.0 and spread * count > STRAY * total:
-                own, spread = max(min(around / count, own), FAINTEST * own), total / count
-            light[x, k], noise[x, k] = own, spread
+                own_light, spread = max(min(around / count, own_light), FAINTEST * own_light), total / count
+            light[x, k], noise[x, k] = own_light, spread

@@ -50,8 +50,8 @@ def doublings_for_error(relative: Map, samples: Counts, most: int, share: float)
     places, highest = _places(relative, samples, most)
     if highest is None or share <= 0.0:
         return np.zeros(samples.shape, np.int64)
-    taken = _totals(places, relative) @ _falls()
-    enough = np.flatnonzero(taken >= share * float(np.sum(relative)))
+    reductions = _totals(places, relative) @ _falls()
+    enough = np.flatnonzero(reductions >= share * float(np.sum(relative)))
     return _doublings(places, int(enough[0]) if len(enough) else _PLACES)
 
 
@@ -84,20 +84,20 @@ def smooth(relative: Map, samples: Counts, threads: int = 1) -> Map:
 
 
 def _smooth(relative: Map, samples: Counts) -> Map:
-    own = relative * samples
-    total, count = own, np.ones_like(own)
+    variance = relative * samples
+    total, count = variance, np.ones_like(variance)
     for axis in (0, 1):
         total, count = _three(total, axis), _three(count, axis)
-    total, count = total - own, count - 1.0
+    total, count = total - variance, count - 1.0
     neighbors = np.maximum(total, 0.0) / np.maximum(count, 1.0)
-    return np.where(count > 0.0, np.maximum(neighbors, own / ALONE), own) / samples
+    return np.where(count > 0.0, np.maximum(neighbors, variance / ALONE), variance) / samples
 
 
 def _three(values: Map, axis: int) -> Map:
     total = values.copy()
-    there, here = np.moveaxis(total, axis, 0), np.moveaxis(values, axis, 0)
-    there[1:] += here[:-1]
-    there[:-1] += here[1:]
+    sums, source = np.moveaxis(total, axis, 0), np.moveaxis(values, axis, 0)
+    sums[1:] += source[:-1]
+    sums[:-1] += source[1:]
     return total
 
 
@@ -185,8 +185,8 @@ class Decline:
     def shares(self) -> Map:
         """Return (levels,) variance of the means over the estimate from halves: 1 for independent samples, less for nets."""
         before, after = self.shown[self._order].sum(axis=0).T
-        known = (after > 0.0) & (before > after)
-        slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=known), where=known, out=np.ones_like(before))
+        measured = (after > 0.0) & (before > after)
+        slope = np.log2(np.divide(before, after, out=np.ones_like(before), where=measured), where=measured, out=np.ones_like(before))
         return 1.0 / (2.0 ** (1.0 + self._believed * (np.clip(slope, 1.0, self.STEEPEST) - 1.0)) - 1.0)
 
 

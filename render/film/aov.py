@@ -49,7 +49,7 @@ def channels_of(
     All lanes are numpy arrays, row by row. `issues` are computed if they are None. `media` are those on the way, as in FirstHits.
     """
     n = len(hit.t)
-    whole = ray
+    all_rays = ray
     seen = np.flatnonzero(hit.instance >= 0)
     flat = {name: rows[0] for name, rows in image.blank(n, 1, names).items()}
     if len(seen):
@@ -60,9 +60,9 @@ def channels_of(
                 if value := CHANNELS[name].value:
                     flat[name][seen] = np.stack(np.broadcast_arrays(*value(points)), axis=1)
     if "issues" in names:
-        flat["issues"][:, 0] = unproven(tables, whole, hit) if issues is None else issues
+        flat["issues"][:, 0] = unproven(tables, all_rays, hit) if issues is None else issues
     if media is not None and {"transmittance", "scatter_depth"} & {*names}:
-        _write_media(tables, view, whole, media(), flat)
+        _write_media(tables, view, all_rays, media(), flat)
     for name in names:
         out[name][...] = flat[name].reshape(out[name].shape)
 
@@ -82,7 +82,7 @@ def unproven(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
     from ..formula import numpy_reference, scene_surfaces
 
     n = len(hit.t)
-    found = np.zeros(n, bool)
+    unproved = np.zeros(n, bool)
     kinds = tables.geometries.kind[tables.instances.geometry]
     t_min, t_max = np.broadcast_to(ray.t_min, n), np.minimum(np.broadcast_to(ray.t_max, n), hit.t)
     for i in np.flatnonzero((kinds == FORMULA) & (tables.instances.visible & CAMERA != 0)):
@@ -90,8 +90,8 @@ def unproven(tables: Tables, ray: Ray, hit: Hit) -> NDArray[np.bool_]:
         o = affine.transform_point(tables.transforms.inverse, row, ray.origin)
         d = affine.transform_vector(tables.transforms.inverse, row, ray.direction)
         bounds, parameters = tables.geometries.bounds[g], tables.geometries.parameters[g]
-        found |= numpy_reference.first_hit(scene_surfaces.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
-    return found
+        unproved |= numpy_reference.first_hit(scene_surfaces.tape_of(tables, g), parameters, bounds, o, d, t_min, t_max)[4]
+    return unproved
 
 
 class VisiblePoints:
@@ -154,8 +154,8 @@ class VisiblePoints:
     @property
     def transmittance(self) -> Vec:
         """Ones: without media nothing is lost. `channels_of` replaces them where there are media."""
-        one = 0.0 * self._hit.t + 1.0
-        return one, one, one
+        ones = 0.0 * self._hit.t + 1.0
+        return ones, ones, ones
 
     @property
     def unproven(self) -> Lane:
@@ -163,12 +163,12 @@ class VisiblePoints:
         return 0.0 * self._hit.t
 
 
-def _albedo(tables: Tables, at: Surface) -> Vec:
+def _albedo(tables: Tables, surface: Surface) -> Vec:
     """The color of a surface: diffuse, or the specular color of metals, mirrors and glass."""
-    slots, color = traits.color_slots(tables)[at.material], color_of(tables, at, DIFFUSE)
+    slots, color = traits.color_slots(tables)[surface.material], color_of(tables, surface, DIFFUSE)
     for slot in sorted({*slots.ravel().tolist()} - {-1, DIFFUSE, EMISSION}):
-        color = ops.where3(slots == slot, color_of(tables, at, slot), color)
-    return ops.mul(color, at.color)
+        color = ops.where3(slots == slot, color_of(tables, surface, slot), color)
+    return ops.mul(color, surface.color)
 
 
 def take_lanes(v: Vec, rows: NDArray[np.intp], n: int) -> Vec:

@@ -115,10 +115,10 @@ def _integral(exponent: int, degrees: float) -> float:
 def _fast_length(least: int) -> int:
     """The least length from `least` on whose only factors are 2, 3 and 5."""
     while True:
-        rest = least
+        cofactor = least
         for factor in (2, 3, 5):
-            while rest % factor == 0:
-                rest //= factor
-        if rest == 1:
+            while cofactor % factor == 0:
+                cofactor //= factor
+        if cofactor == 1:
             return least
         least += 1

@@ -73,10 +73,10 @@ def measure(renderer: Limited, plan: Plan, samples: int, allowed: float) -> Cut:
         return _light(renderer, places, each, threads)
 
     try:
-        whole, limit = light(MAX_BOUNCES), int(plan["bounces"])
-        cut = Cut(*_share(whole, light(limit)), allowed)
+        unlimited, limit = light(MAX_BOUNCES), int(plan["bounces"])
+        cut = Cut(*_share(unlimited, light(limit)), allowed)
         while cut.matters and (limit := 2 * limit) < MAX_BOUNCES:
-            if _share(whole, light(limit))[0] <= allowed:
+            if _share(unlimited, light(limit))[0] <= allowed:
                 return replace(cut, enough=limit)
         return cut
     finally:
@@ -98,12 +98,12 @@ def _work(plan: Plan, cell: int, samples: int) -> tuple[list[Tile], int]:
 
 def combine(cuts: Sequence[Cut | None], pixels: NDArray[np.float64]) -> Cut | None:
     """Return the loss of a picture from those of its parts of so many pixels."""
-    known = [cut for cut in cuts if cut is not None]
-    if not known or len(known) < len(cuts):
+    measured = [cut for cut in cuts if cut is not None]
+    if not measured or len(measured) < len(cuts):
         return None
     parts = pixels / pixels.sum()
-    share, error = (np.array([getattr(cut, name) for cut in known]) * parts for name in ("share", "error"))
-    return Cut(float(share.sum()), float(np.linalg.norm(error)), max(cut.allowed for cut in known), max(cut.enough for cut in known))
+    share, error = (np.array([getattr(cut, name) for cut in measured]) * parts for name in ("share", "error"))
+    return Cut(float(share.sum()), float(np.linalg.norm(error)), max(cut.allowed for cut in measured), max(cut.enough for cut in measured))
 
 
 def blocks(crop: tuple[int, int, int, int], cell: int = 1) -> list[Tile]:
@@ -112,35 +112,35 @@ def blocks(crop: tuple[int, int, int, int], cell: int = 1) -> list[Tile]:
     Where the pixels of a cell share paths, different cells, of which at least two lie in the crop.
     """
     x0, y0, x1, y1 = crop
-    at = (0.5 + np.outer(np.arange(BLOCKS), PLASTIC)) % 1.0
+    positions = (0.5 + np.outer(np.arange(BLOCKS), PLASTIC)) % 1.0
     if cell > 1:
-        corners = np.floor((np.array([x0, y0]) + at * np.array([x1 - x0, y1 - y0])) / cell).astype(int) * cell
+        corners = np.floor((np.array([x0, y0]) + positions * np.array([x1 - x0, y1 - y0])) / cell).astype(int) * cell
         places = [Tile(max(x, x0), max(y, y0), min(x + cell, x1), min(y + cell, y1)) for x, y in corners.tolist()]
         if len(different := list(dict.fromkeys(places))[:CELLS]) > 1:
             return different
-    corner = (np.array([x0, y0]) + at * (np.array([x1 - x0, y1 - y0]) - SIDE).clip(0)).astype(int)
+    corner = (np.array([x0, y0]) + positions * (np.array([x1 - x0, y1 - y0]) - SIDE).clip(0)).astype(int)
     return [Tile(x, y, min(x + SIDE, x1), min(y + SIDE, y1)) for x, y in corner.tolist()]
 
 
 def _light(renderer: Limited, places: list[Tile], each: int, threads: int) -> NDArray[np.float64]:
     """(blocks,) mean light of each block."""
-    found = np.zeros(len(places))
+    means = np.zeros(len(places))
 
     def draw(k: int) -> None:
         tile = places[k]
         shape = tile.y1 - tile.y0, tile.x1 - tile.x0
         sums = Film(np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape, np.int64))
         renderer.sample(tile, np.zeros(shape, np.int64), np.full(shape, each), each, sums)
-        found[k] = sums.color.mean() / each
+        means[k] = sums.color.mean() / each
 
     thread_pool.parallel_for(draw, range(len(places)), threads)
-    return found
+    return means
 
 
-def _share(whole: NDArray[np.float64], kept: NDArray[np.float64]) -> tuple[float, float]:
-    """(mean share of `whole` that `kept` lacks, its standard error) over blocks; dark blocks are weighted as in √relMSE."""
-    least = metrics.EPSILON * float(whole.mean())
+def _share(unlimited: NDArray[np.float64], limited: NDArray[np.float64]) -> tuple[float, float]:
+    """(mean share of `unlimited` that `limited` lacks, its standard error) over blocks; dark blocks are weighted as in √relMSE."""
+    least = metrics.EPSILON * float(unlimited.mean())
     if not least > 0.0:
         return 0.0, 0.0
-    lost = (whole - kept) / np.hypot(whole, least)
+    lost = (unlimited - limited) / np.hypot(unlimited, least)
     return float(lost.mean()), float(lost.std(ddof=1) / np.sqrt(len(lost)))

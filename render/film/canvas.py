@@ -92,8 +92,8 @@ class Canvas:
             self._in_rounds(list(goals))
             return
         done = self._finished().tolist()
-        finished = [tile for tile, whole in zip(self.tiles, done, strict=True) if whole]
-        unfinished = [tile for tile, whole in zip(self.tiles, done, strict=True) if not whole]
+        finished = [tile for tile, is_finished in zip(self.tiles, done, strict=True) if is_finished]
+        unfinished = [tile for tile, is_finished in zip(self.tiles, done, strict=True) if not is_finished]
         self.draw(unfinished, Batches(tuple(goals), extras=bool(self.names)), lambda: self.spent / (self.most * pixels))
         self.work(self.draw_extras, finished, lambda: 1.0)
 
@@ -242,8 +242,8 @@ class Canvas:
         rows = max(self.pace.samples() // (tile.x1 - tile.x0), 1) if self.pace.seconds > 0.0 else height
         if rows >= height:
             return (None,)
-        at = np.arange(height)[:, None]
-        return [(at >= start) & (at < start + rows) for start in range(0, height, rows)]
+        row_numbers = np.arange(height)[:, None]
+        return [(row_numbers >= start) & (row_numbers < start + rows) for start in range(0, height, rows)]
 
     def _is_stopped(self) -> bool:
         return self.cancel.is_set() or self.deadline.is_over()
@@ -349,20 +349,20 @@ class Canvas:
 
     def _restore(self, state: State) -> None:
         """Go on from a checkpoint. Tiles of fixed samples that were not finished begin anew."""
-        found = state.arrays
+        arrays = state.arrays
         for row, tile in enumerate(self.tiles):
-            if found["finished"][row]:
+            if arrays["finished"][row]:
                 window = self.window(tile)
-                self.channels["rgba"][window], self.samples[window] = found["rgba"][window], found["samples"][window]
-                self.differences[window] = found["differences"][window]
-                self.decline.shown[row], self.issues[row] = found["decline"][row], found["issues"][row]
-                self.drawn[row] = found["samples"][window].sum()
+                self.channels["rgba"][window], self.samples[window] = arrays["rgba"][window], arrays["samples"][window]
+                self.differences[window] = arrays["differences"][window]
+                self.decline.shown[row], self.issues[row] = arrays["decline"][row], arrays["issues"][row]
+                self.drawn[row] = arrays["samples"][window].sum()
         self.least, self.error = state.numbers["least"], state.numbers["error"]
-        if "sums.color" in found:
-            self.sums = PixelSums(*(found[f"sums.{name}"] for name in PixelSums._fields))
+        if "sums.color" in arrays:
+            self.sums = PixelSums(*(arrays[f"sums.{name}"] for name in PixelSums._fields))
         self.round = dict(state.numbers)
-        if "goals" in found:
-            self.round["goals"] = found["goals"]
+        if "goals" in arrays:
+            self.round["goals"] = arrays["goals"]
 
     def _report(self, fraction: float) -> None:
         if self.report is None:
@@ -370,8 +370,8 @@ class Canvas:
         if self.settled and self.most > 1 and time.perf_counter() > self.estimate_at:
             began = time.perf_counter()
             relative = self.relative(passing=True)
-            known = relative[np.isfinite(relative)]
-            self.error = math.sqrt(float(np.mean(known))) if known.size else None
+            finite = relative[np.isfinite(relative)]
+            self.error = math.sqrt(float(np.mean(finite))) if finite.size else None
             self.estimate_at = 20.0 * time.perf_counter() - 19.0 * began + ESTIMATE  # takes at most 5 % of the time
         samples = self.spent / (self.width * self.height)
         most, picture = self.most if self.settled else 0, Picture(self.channels["rgba"], self.samples)
@@ -383,8 +383,8 @@ class Canvas:
         Where a budget ended the work, pixels of one sample take twice the variance of those of two, if these are KNOWN of all.
         """
         relative = self.relative() if self.most > 1 else np.full((1, 1), np.inf)
-        known = np.isfinite(relative)
-        finite = relative if known.all() else relative[known]
+        is_measured = np.isfinite(relative)
+        finite = relative if is_measured.all() else relative[is_measured]
         if finite.size < relative.size and (not self.deadline.is_finite or finite.size < KNOWN * relative.size):
             return None, 0.0
         alone = int(np.count_nonzero(self.samples)) - finite.size
@@ -408,8 +408,8 @@ class Canvas:
             self.channels["samples"][..., 0] = self.samples
         variance = picture_statistics.squares(self.differences, self.threads) if self.most > 1 else None
         if "variance" in self.channels and variance is not None:
-            known = np.where(np.isfinite(variance), variance, 0.0) * self._shares()[..., None]
-            self.channels["variance"][...] = np.minimum(known, accumulate.LARGEST)
+            scaled_variance = np.where(np.isfinite(variance), variance, 0.0) * self._shares()[..., None]
+            self.channels["variance"][...] = np.minimum(scaled_variance, accumulate.LARGEST)
         about: dict[str, Any] = {
             "size": (view.width, view.height), "crop": self.crop, "samples": int(self.samples.max()),
             "samples_mean": rays / self.samples.size, "error": error, "partial": partial, "error_in_few": sparse,

@@ -69,10 +69,10 @@ class Keeper:
         self.path.unlink(missing_ok=True)
 
 
-def is_there(path: Path, kept: Iterable[Path] = ()) -> bool:
+def is_there(path: Path, protected: Iterable[Path] = ()) -> bool:
     """Whether a checkpoint stands at `path`. Raises OSError where none can: for a name that no file can have, as check_replaceable does."""
     try:
-        check_replaceable(path, kept)
+        check_replaceable(path, protected)
         return path.is_file()
     except OSError as fault:
         why = f"{path}: {fault.strerror}; shorten the name of the picture" if fault.strerror else f"{fault}; remove it"

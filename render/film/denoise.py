@@ -56,9 +56,9 @@ def denoise(image: Image, renderer: film.Renderer | Remote, plan: Plan, most: in
     rgba[dark, :3] = 0.0
     image.metadata.update(denoised=True, denoised_error=None)
     if measures and half is not None and np.isfinite(half).all():
-        left = error_left(noisy, half, image.metadata["variance_share"], rgba[..., :3], clean)
-        image.metadata["denoised_error"] = left
-        if plan["denoise"] == "above_error" and left >= image.metadata["error"]:
+        remaining_error = error_left(noisy, half, image.metadata["variance_share"], rgba[..., :3], clean)
+        image.metadata["denoised_error"] = remaining_error
+        if plan["denoise"] == "above_error" and remaining_error >= image.metadata["error"]:
             rgba[..., :3] = noisy
             image.metadata["denoised"] = False
 
@@ -176,10 +176,10 @@ def preview_filter(renderer: film.Renderer | Remote, plan: Plan, cancel: threadi
 
     It returns a new picture, and may be called in another thread.
     """
-    found = guides(renderer, plan, FEW, cancel)
+    features = guides(renderer, plan, FEW, cancel)
     if cancel.is_set():
         return None
-    clean = make_filter(*found, margins_of(plan))
+    clean = make_filter(*features, margins_of(plan))
 
     def cleaned(rgba: Pixels) -> Pixels:
         color = clean(rgba[..., :3])
@@ -194,16 +194,16 @@ def guides(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(albedo, normal) of first hits, (h, w, 3) each, averaged over at most so many samples."""
     x0, y0, x1, y1 = plan["crop"]
-    found = np.zeros((2, y1 - y0, x1 - x0, 3), np.float32)
+    features = np.zeros((2, y1 - y0, x1 - x0, 3), np.float32)
     count, surfaces = min(most, int(plan["samples"])), guide_kernels.Surfaces()
 
     def draw(tile: Tile) -> None:
-        window = found[:, tile.y0 - y0 : tile.y1 - y0, tile.x0 - x0 : tile.x1 - x0]
+        window = features[:, tile.y0 - y0 : tile.y1 - y0, tile.x0 - x0 : tile.x1 - x0]
         window[...] = tile_guides(renderer, tile, count, int(plan["samples"]), surfaces)
 
     threads = renderer.threads if isinstance(renderer, Remote) else int(plan["threads"]) or target.cores()
     thread_pool.parallel_for(draw, film.tiles((x0, y0, x1, y1), SIDE), threads, cancel)
-    albedo, normal = found
+    albedo, normal = features
     return np.clip(albedo, 0.0, 1.0), normal
 
 

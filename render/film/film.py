@@ -179,22 +179,22 @@ def run_channels(
 
 
 def _in_pieces(
-    renderer: Renderer, whole: Whole, plan: Plan, view: View, report: Report | None, cancel: threading.Event, mattes: Mattes | None
+    renderer: Renderer, picture: Whole, plan: Plan, view: View, report: Report | None, cancel: threading.Event, mattes: Mattes | None
 ) -> image.Image:  # fmt: skip
     """Render a `Whole` picture; other channels are rendered by tiles."""
     x0, y0, x1, y1 = crop = tuple(plan["crop"])
     names = tuple(plan["aov"])
-    channels = {"rgba": whole.rgba, **image.blank(x1 - x0, y1 - y0, names)}
+    channels = {"rgba": picture.rgba, **image.blank(x1 - x0, y1 - y0, names)}
     threads = int(plan["threads"]) or target.cores()
     done = issues = 0
     extra = tiles(crop) if names else []
-    total = len(whole.jobs) + len(extra)
+    total = len(picture.jobs) + len(extra)
 
     samples = int(plan["samples"])
 
-    def count(_: Any, found: int) -> None:
+    def count(_: Any, issue_count: int) -> None:
         nonlocal done, issues
-        done, issues = done + 1, issues + found
+        done, issues = done + 1, issues + issue_count
         if report is not None:
             report(Progress("rendering", done / total, samples * done / total, samples))
 
@@ -203,17 +203,17 @@ def _in_pieces(
         draw_auxiliary(renderer, tile, {name: channels[name][window] for name in names}, int(plan["samples"]), mattes)
         return 0
 
-    parts: Any = ((whole.draw, whole.jobs), (beside, extra))
+    parts: Any = ((picture.draw, picture.jobs), (beside, extra))
     for draw, jobs in parts:
         thread_pool.parallel_for(draw, jobs, threads, cancel, count)
-    whole.finish()
+    picture.finish()
     if "samples" in channels:
         channels["samples"][...] = samples
     about: dict[str, Any] = {
         "size": (view.width, view.height), "crop": crop, "samples": samples, "samples_mean": float(samples),
-        "error": whole.error if done == total else None, "partial": done < total, "error_in_few": 0.0,
-        "variance": None if whole.half_difference is None else np.square(whole.half_difference),
-        "half_difference": whole.half_difference, "variance_share": 1.0,
+        "error": picture.error if done == total else None, "partial": done < total, "error_in_few": 0.0,
+        "variance": None if picture.half_difference is None else np.square(picture.half_difference),
+        "half_difference": picture.half_difference, "variance_share": 1.0,
         "rays": samples * (x1 - x0) * (y1 - y0), "issues": issues, "threads": threads,
     }  # fmt: skip
     return image.Image(x1 - x0, y1 - y0, channels, about)

@@ -130,8 +130,8 @@ def _add(tables, origin, direction, hits, count, out):
     n, pixels = len(hits.t), out.shape[1]
     for start in range(0, n, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), n - 1)
-        here = ops.to_int(hits.instance[k]) >= 0
-        if not ops.any_lane(here):
+        hit_lanes = ops.to_int(hits.instance[k]) >= 0
+        if not ops.any_lane(hit_lanes):
             continue
         ray = Ray(_load(origin, k), _load(direction, k), 0.0, np.inf, None)
         hit = Hit(hits.t[k], ops.to_int(hits.instance[k]), ops.to_int(hits.primitive[k]), hits.u[k], hits.v[k])
@@ -152,13 +152,13 @@ def _load(rows: Any, k: Lane) -> Vec:
 @helper
 def _seen(tables: Any, ray: Ray, hit: Hit) -> tuple[Vec, Vec]:
     """Albedo and normal at hits."""
-    at = interaction.make_interaction(tables, ray, hit)
-    albedo = ops.mul(color_of(tables, at, DIFFUSE), at.color)
+    surface = interaction.make_interaction(tables, ray, hit)
+    albedo = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     for slot in (SPECULAR, REFLECTION, TRANSMISSION):
-        albedo = ops.add(albedo, color_of(tables, at, slot))
-    shines = ops.largest(color_of(tables, at, EMISSION)) > 0.0
-    one = ops.full_like(hit.t, 1.0)
-    return ops.where3(shines, (one, one, one), albedo), at.normal
+        albedo = ops.add(albedo, color_of(tables, surface, slot))
+    shines = ops.largest(color_of(tables, surface, EMISSION)) > 0.0
+    ones = ops.full_like(hit.t, 1.0)
+    return ops.where3(shines, (ones, ones, ones), albedo), surface.normal
 
 
 @helper

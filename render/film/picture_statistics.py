@@ -23,11 +23,11 @@ def brightest(rgba: NDArray[np.float32], transparent: bool, threads: int) -> tup
 
     A pixel with a component that is not finite does not count, of a `transparent` picture pixels without coverage as well.
     """
-    found: list[tuple[float, bool]] = []
+    maxima: list[tuple[float, bool]] = []
     thread_pool.parallel_for(
-        lambda top: found.append(brightest_of_rows(rgba, top, top + ROWS, transparent)), range(0, len(rgba), ROWS), threads
+        lambda top: maxima.append(brightest_of_rows(rgba, top, top + ROWS, transparent)), range(0, len(rgba), ROWS), threads
     )
-    return max((light for light, _ in found), default=-np.inf), any(covered for _, covered in found)
+    return max((light for light, _ in maxima), default=-np.inf), any(covered for _, covered in maxima)
 
 
 @kernel
@@ -50,7 +50,7 @@ def brightest_of_rows(rgba, top, bottom, transparent):
             seen = rgba[y, x, 3] > 0.0
             covered = covered or seen
             light = max(red, green, blue)
-            whole = red == red and green == green and blue == blue and abs(light) < np.inf
-            if whole and light > most and (seen or not transparent):
+            is_finite = red == red and green == green and blue == blue and abs(light) < np.inf
+            if is_finite and light > most and (seen or not transparent):
                 most = light
     return most, covered

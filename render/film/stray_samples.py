@@ -19,8 +19,8 @@ def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32], dif
     many samples of its pixel. Errors that are not finite do not count. A picture of less than FEW pixels has none: its worst pixel is more
     than 0.1 % of it.
     """
-    known = np.isfinite(relative)
-    finite = relative if known.all() else np.where(known, relative, 0.0)
+    is_finite = np.isfinite(relative)
+    finite = relative if is_finite.all() else np.where(is_finite, relative, 0.0)
     total, width = float(finite.sum()), finite.shape[1]
     if total <= 0.0 or finite.size < FEW:
         return 0.0

@@ -42,8 +42,8 @@ def draw_auxiliary(renderer: Any, tile: Tile, out: dict[str, NDArray[np.float32]
         renderer.channels(tile, names, {name: out[name] for name in names})
     if mattes is not None:
         count = min(samples, cryptomatte.SAMPLES)
-        found = [first.hit.instance for first in renderer.first(tile, range(count), samples)]
-        seen = np.concatenate(found).reshape(count, -1)
+        instances = [first.hit.instance for first in renderer.first(tile, range(count), samples)]
+        seen = np.concatenate(instances).reshape(count, -1)
         mattes.put(seen, {name: out[name] for name in mattes.channels})
 
 

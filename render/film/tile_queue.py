@@ -299,8 +299,8 @@ def _set_counts(work: Any, rows: int, columns: int, start: int, call: int) -> in
 @helper
 def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
     """Add the batch of the tile in work to sums and picture, as far as it was drawn."""
-    state, top, left = work.state, tile.y0 - target.top, tile.x0 - target.left
-    window = Window(tile.y1 - tile.y0, tile.x1 - tile.x0, top, left, top, left)
+    state, first_row, first_column = work.state, tile.y0 - target.top, tile.x0 - target.left
+    window = Window(tile.y1 - tile.y0, tile.x1 - tile.x0, first_row, first_column, first_row, first_column)
     if state[START] < state[END]:
         for y in range(window.rows):
             for x in range(window.columns):
@@ -311,7 +311,7 @@ def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
     elif len(target.sums.samples) > 0:
         _add(target, work, film, target.sums, window)
     else:
-        _add(target, work, film, work.sums, Window(window.rows, window.columns, 0, 0, top, left))
+        _add(target, work, film, work.sums, Window(window.rows, window.columns, 0, 0, first_row, first_column))
 
 
 @helper

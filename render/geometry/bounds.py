@@ -15,10 +15,10 @@ SLACK = 1e-12  # relative growth of an instance's box: covers the rounding of tr
 
 def world_bounds(tables: ir.Tables) -> NDArray[np.float64]:
     """World boxes of instances, (instances, 6), with the rounding error of transforms; not finite for unbounded shapes."""
-    made = np.empty((len(tables.instances.geometry), 6))
-    for first in range(0, len(made), CHUNK):
-        made[first : first + CHUNK] = _world_bounds(tables, slice(first, first + CHUNK))
-    return made
+    boxes = np.empty((len(tables.instances.geometry), 6))
+    for first in range(0, len(boxes), CHUNK):
+        boxes[first : first + CHUNK] = _world_bounds(tables, slice(first, first + CHUNK))
+    return boxes
 
 
 def _world_bounds(tables: ir.Tables, chosen: slice) -> NDArray[np.float64]:
@@ -51,10 +51,10 @@ def swept_bounds(tables: ir.Tables) -> NDArray[np.float64]:
                 ends = [corners @ keys.stretch[k].T for k in (key, key + 1)]
                 reach = max(np.linalg.norm(end, axis=1).max() for end in ends)
                 stray = (turn * turn * reach + 2.0 * turn * np.linalg.norm(ends[1] - ends[0], axis=1).max()) / (8.0 * parts * parts)
-                at = _matrices_between(keys, key, np.arange(parts + 1) / parts) @ np.vstack([corners.T, np.ones(8)])
-                stray += SLACK * (np.abs(at).max() + reach)
-                boxes[i, :3] = np.minimum(boxes[i, :3], at.min(axis=(0, 2)) - stray)
-                boxes[i, 3:] = np.maximum(boxes[i, 3:], at.max(axis=(0, 2)) + stray)
+                points = _matrices_between(keys, key, np.arange(parts + 1) / parts) @ np.vstack([corners.T, np.ones(8)])
+                stray += SLACK * (np.abs(points).max() + reach)
+                boxes[i, :3] = np.minimum(boxes[i, :3], points.min(axis=(0, 2)) - stray)
+                boxes[i, 3:] = np.maximum(boxes[i, 3:], points.max(axis=(0, 2)) + stray)
     return boxes
 
 

@@ -29,7 +29,7 @@ def clip_to_plane(polygon, count: int, plane, out) -> int:
     An edge with its end inside adds that end; an edge that crosses the plane adds the crossing before. Crossings are computed from the
     vertex inside, so that two polygons with a common edge get the same point.
     """
-    found = 0
+    vertex_count = 0
     width = polygon.shape[1]
     for start in range(count):
         end = start + 1 if start + 1 < count else 0
@@ -39,13 +39,13 @@ def clip_to_plane(polygon, count: int, plane, out) -> int:
             near, far = (from_start, from_end) if from_start >= 0.0 else (from_end, from_start)
             share = near / (near - far)
             for k in range(width):
-                out[found, k] = polygon[inside, k] + share * (polygon[outside, k] - polygon[inside, k])
-            found += 1
+                out[vertex_count, k] = polygon[inside, k] + share * (polygon[outside, k] - polygon[inside, k])
+            vertex_count += 1
         if from_end >= 0.0:
             for k in range(width):
-                out[found, k] = polygon[end, k]
-            found += 1
-    return found
+                out[vertex_count, k] = polygon[end, k]
+            vertex_count += 1
+    return vertex_count
 
 
 @helper

@@ -52,9 +52,9 @@ def names_of(scene: ir.Scene) -> dict[str, tuple[str, ...]]:
     """Return each channel's names of instances: their own, or their materials'; nameless ones get their kind and row."""
     tables = scene.tables
     kinds = tables.geometries.kind[tables.instances.geometry].tolist()
-    things = _named(scene.names.instances, [ir.GeometryKind(kind).name for kind in kinds])
+    objects = _named(scene.names.instances, [ir.GeometryKind(kind).name for kind in kinds])
     materials = _named(scene.names.materials, [ir.MaterialModel(model).name for model in tables.materials.model.tolist()])
-    return {"crypto_object": things, "crypto_material": tuple(materials[row] for row in tables.instances.material.tolist())}
+    return {"crypto_object": objects, "crypto_material": tuple(materials[row] for row in tables.instances.material.tolist())}
 
 
 def _named(names: Sequence[str], kinds: Sequence[str]) -> tuple[str, ...]:

@@ -322,8 +322,8 @@ def _ordered(picture: Picture) -> list[str]:
 def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:
     """Convert (h, w, 4) linear light to (h, w, 3) codes, or (h, w, 4) with `look.alpha`."""
     keep = look.alpha
-    plain = look.view in PLAIN and not look.white
-    if look.bits == 8 and plain:
+    is_plain = look.view in PLAIN and not look.white
+    if look.bits == 8 and is_plain:
         return srgb.codes_with_alpha(rgba, look.exposure) if keep else srgb.codes(rgba[..., :3], look.exposure)
     light = np.asarray(rgba, dtype=np.float64)
     rgb, alpha = light[..., :3] * 2.0**look.exposure, np.clip(light[..., 3:4], 0.0, 1.0)

@@ -28,11 +28,11 @@ def read(path: Path) -> images.Image:
     that `write` got, and "faults": (message, hint) of all that is missing, not read, or read by a guess. Raises FormatError if the file
     is missing or not a picture.
     """
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
+    configuration = oiio.ImageSpec()
+    configuration.attribute("oiio:UnassociatedAlpha", 1)
     if not is_regular(path):
         raise FormatError(f"{path} is not an ordinary file" if os.path.exists(path) else f"there is no file {path}")
-    source = oiio.ImageInput.open(str(path), wanted)
+    source = oiio.ImageInput.open(str(path), configuration)
     if source is None:
         raise FormatError(f"{path} is not a picture: {picture_contents.message_of(oiio)}")
     try:

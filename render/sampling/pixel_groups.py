@@ -24,12 +24,12 @@ def cell_extent(start: int, size: int) -> int:
 
 
 @helper
-def place_of(left: int, top: int, columns: int, rows: int, x: int, y: int, part: int) -> tuple[int, int]:
+def place_of(cell_x: int, cell_y: int, columns: int, rows: int, x: int, y: int, part: int) -> tuple[int, int]:
     """The pixel of group x, y in one of the sixteen parts of the cell at left, top, of so many columns and rows.
 
     Groups number the pixels of a part in order, shifted cyclically by hashed numbers.
     """
-    u, v = sobol.hashed_pair(left, top, part, 0)
+    u, v = sobol.hashed_pair(cell_x, cell_y, part, 0)
     width, height = columns // SIDE, rows // SIDE
-    column = left + part % SIDE * width + (x + int(u * width)) % width
-    return column, top + part // SIDE * height + (y + int(v * height)) % height
+    column = cell_x + part % SIDE * width + (x + int(u * width)) % width
+    return column, cell_y + part // SIDE * height + (y + int(v * height)) % height

@@ -234,6 +234,6 @@ def filter_table(name: str, on_grid: bool = True) -> NDArray[np.float64]:
     weight = filter_weight(name, x)
     total = np.concatenate([[0.0], np.cumsum((weight[1:] + weight[:-1]) / 2)])
     places = np.interp((np.arange(TABLE) + 0.5) / TABLE, total / total[-1], x)
-    made = np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL if on_grid else places
-    made.flags.writeable = False  # shared by all pictures
-    return made
+    quantiles = np.floor(places * SUBPIXEL + 0.5) / SUBPIXEL if on_grid else places
+    quantiles.flags.writeable = False  # shared by all pictures
+    return quantiles

@@ -40,9 +40,10 @@ def color(tables: Any, row: Lane, s: Lane, t: Lane, du: Lane, dv: Lane, spans: A
     safe = ops.where(sized, size, 1.0)
     wide, high = ops.where(sized, du / safe, CELLS), ops.where(sized, dv / safe, CELLS)
     share = _first_color_share(textures.kind[row] == CHECKER, s * wide, t * high, _scale_spans(spans, wide, high))
-    a, b, rest = textures.color_a, textures.color_b, 1.0 - share
+    a, b, other_share = textures.color_a, textures.color_b, 1.0 - share
     return (
-        share * a[row, 0] + rest * b[row, 0], share * a[row, 1] + rest * b[row, 1], share * a[row, 2] + rest * b[row, 2],
+        share * a[row, 0] + other_share * b[row, 0], share * a[row, 1] + other_share * b[row, 1],
+        share * a[row, 2] + other_share * b[row, 2],
     )  # fmt: skip
 
 
@@ -116,24 +117,24 @@ def _mean_by_axes(checker: Lane, x: Lane, y: Lane, px: Lane, py: Lane, qx: Lane,
 
 
 @helper
-def _meets_edge(x: Lane, one: Lane, other: Lane) -> Lane:
+def _meets_edge(x: Lane, width: Lane, other_width: Lane) -> Lane:
     """Whether an edge between cells is within the two intervals around x."""
     off = x - ops.floor(x)
-    return ops.minimum(off, 1.0 - off) < 0.5 * (ops.absolute(one) + ops.absolute(other))
+    return ops.minimum(off, 1.0 - off) < 0.5 * (ops.absolute(width) + ops.absolute(other_width))
 
 
 # --- along an axis ------------------------------------------------------------------------------------------------------
 
 
 @helper
-def along_axis(x: Lane, one: Lane, other: Lane) -> Lane:
+def along_axis(x: Lane, width: Lane, other_width: Lane) -> Lane:
     """The mean of S over the trapezoid around x, the convolution of two intervals.
 
     A trapezoid of at most a cell crosses one edge, and its part beyond that is computed without cancellation. Otherwise the mean is the
     second difference of the second integral of S, S(x) r (r - 1)/2 with r the position in the cell. For a single interval it is the first
     difference of the first integral.
     """
-    long, short = ops.maximum(one, other), ops.minimum(one, other)
+    long, short = ops.maximum(width, other_width), ops.minimum(width, other_width)
     reach, level = 0.5 * (long + short), 0.5 * (long - short)
     cell = ops.floor(x)
     off = ops.minimum(x - cell, 1.0 - (x - cell))  # distance from the nearest edge
@@ -168,8 +169,8 @@ def _first_integral(x: Lane) -> Lane:
 def _second_integral(x: Lane) -> Lane:
     """The second integral of S without its linear part."""
     cell = ops.floor(x)
-    rest = x - cell
-    return 0.5 * _sign(cell) * rest * (rest - 1.0)
+    offset = x - cell
+    return 0.5 * _sign(cell) * offset * (offset - 1.0)
 
 
 # --- along both ---------------------------------------------------------------------------------------------------------

@@ -104,9 +104,9 @@ def _wrap_index(i: Lane, n: Lane, wrap: Lane) -> tuple[tuple[Lane, Lane], tuple[
         index = ops.where(wrap == MIRROR, _mirror(i, n), index)
         after = ops.where(wrap == MIRROR, _mirror(i + 1, n), after)
     if ops.any_lane(wrap == REPEAT):
-        rest = _remainder(i, n)
-        index = ops.where(wrap == REPEAT, rest, index)
-        after = ops.where(wrap == REPEAT, ops.where(rest + 1 < n, rest + 1, 0), after)
+        wrapped = _remainder(i, n)
+        index = ops.where(wrap == REPEAT, wrapped, index)
+        after = ops.where(wrap == REPEAT, ops.where(wrapped + 1 < n, wrapped + 1, 0), after)
     last = n - 1
     inside = ops.where((i < 0) | (i > last), 0.0, 1.0), ops.where((i < -1) | (i + 1 > last), 0.0, 1.0)
     return (
@@ -124,5 +124,5 @@ def _mirror(i: Lane, n: Lane) -> Lane:
 @helper
 def _remainder(i: Lane, n: Lane) -> Lane:
     """i modulo n without integer division, which is not vectorized."""
-    rest = i - ops.floor_int(ops.to_float(i) * (1.0 / ops.to_float(n))) * n
-    return ops.where(rest < 0, rest + n, ops.where(rest >= n, rest - n, rest))
+    remainder = i - ops.floor_int(ops.to_float(i) * (1.0 / ops.to_float(n))) * n
+    return ops.where(remainder < 0, remainder + n, ops.where(remainder >= n, remainder - n, remainder))

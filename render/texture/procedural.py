@@ -94,18 +94,18 @@ def evaluate(tables: Any, row: Lane, p: Vec) -> Vec:
     from ...compiler.formula.tape import load_tape
 
     shape = np.broadcast(*p).shape
-    found = np.zeros((3, *shape))
+    color = np.zeros((3, *shape))
     rows = np.broadcast_to(row, shape)
-    for one in np.unique(rows):
-        tape = tables.textures.tape[one]
+    for pattern in np.unique(rows):
+        tape = tables.textures.tape[pattern]
         if tape < 0:
             continue
-        here = rows == one
-        values = numpy_interpreter.points(load_tape(tables, int(tape)), *(np.broadcast_to(x, shape)[here] for x in p))
+        lanes = rows == pattern
+        values = numpy_interpreter.points(load_tape(tables, int(tape)), *(np.broadcast_to(x, shape)[lanes] for x in p))
         for k in range(3):
-            found[k][here] = values[min(k, len(values) - 1)]
-    found = np.where(np.isfinite(found), found, 0.0)
-    return found[0], found[1], found[2]
+            color[k][lanes] = values[min(k, len(values) - 1)]
+    color = np.where(np.isfinite(color), color, 0.0)
+    return color[0], color[1], color[2]
 
 
 @overload(evaluate)
@@ -142,13 +142,13 @@ def _evaluate_scalar(tables, row, p):
 
 def _evaluate_lanes(tables, row, p):
     zero = 0.0 * p[0]
-    found = (zero, zero, zero)
-    rest = ops.bool_like(zero, True)
-    while ops.any_lane(rest):
-        one, here = crosslane.uniform_group(row, rest)
-        found = ops.where3(here, evaluate(tables, one, p), found)
-        rest = rest & ops.not_(here)
-    return found
+    color = (zero, zero, zero)
+    pending = ops.bool_like(zero, True)
+    while ops.any_lane(pending):
+        pattern, group = crosslane.uniform_group(row, pending)
+        color = ops.where3(group, evaluate(tables, pattern, p), color)
+        pending = pending & ops.not_(group)
+    return color
 
 
 def _result(tables: Any, tape: Any, k: int, begin: Any, registers: Any, like: Lane) -> Lane:
@@ -157,19 +157,19 @@ def _result(tables: Any, tape: Any, k: int, begin: Any, registers: Any, like: La
 
 @overload(_result)
 def _result_kernel(tables, tape, k, begin, registers, like):
-    whole = isinstance(like, simd.Vector)
+    is_vector = isinstance(like, simd.Vector)
 
     def result(tables, tape, k, begin, registers, like):
         name = np.int64(tables.tapes.results[tape, k])
-        found = ops.full_like(like, tables.pools.constants[begin + ~name]) if name < 0 else _of_register(registers, name, like)
-        return ops.where(ops.is_finite(found), found, 0.0)
+        value = ops.full_like(like, tables.pools.constants[begin + ~name]) if name < 0 else _of_register(registers, name, like)
+        return ops.where(ops.is_finite(value), value, 0.0)
 
     def number(tables, tape, k, begin, registers, like):
         name = np.int64(tables.tapes.results[tape, k])
-        found = tables.pools.constants[begin + ~name] if name < 0 else simd.read(registers, name * LANES)
-        return found if abs(found) < np.inf else 0.0
+        value = tables.pools.constants[begin + ~name] if name < 0 else simd.read(registers, name * LANES)
+        return value if abs(value) < np.inf else 0.0
 
-    return result if whole else number
+    return result if is_vector else number
 
 
 def _of_register(registers: Any, name: Any, like: Lane) -> Lane:
@@ -196,13 +196,13 @@ def _run(typingctx, code, first, rows, constants, begin, registers):
         slot = module.globals.get(_SYMBOL) or lir.GlobalVariable(module, I64, _SYMBOL)
         function = builder.inttoptr(builder.load(slot), DIRECT.as_pointer())
         zero = lir.Constant(I64, 0)
-        given = [
+        arguments = [
             place_in_array(context, builder, code, args[0], builder.mul(args[1], lir.Constant(I64, 4))),
             args[2],
             place_in_array(context, builder, constants, args[3], args[4]),
             place_in_array(context, builder, registers, args[5], zero),
         ]
-        builder.call(function, given)
+        builder.call(function, arguments)
         return context.get_dummy_value()
 
     i = types.int64

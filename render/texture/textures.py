@@ -187,14 +187,14 @@ def _gate(what: str) -> Any:
 
 def _if_formulas(tables: Any, spread: Any) -> Any:
     """Surface.spread, with changes of the position 0 or None where patterns are not filtered."""
-    known = spread is not None and len(spread) >= procedural.WITH_PLACES
-    return _spread_of_formulas(tables, spread) if known and hasattr(getattr(tables.images, "footprint", None), "formulas") else None
+    has_places = spread is not None and len(spread) >= procedural.WITH_PLACES
+    return _spread_of_formulas(tables, spread) if has_places and hasattr(getattr(tables.images, "footprint", None), "formulas") else None
 
 
 @overload(_if_formulas)
 def _if_formulas_in_kernels(tables, spread):
-    known = isinstance(spread, types.BaseTuple) and len(spread) >= procedural.WITH_PLACES
-    if known and tables.field("images.footprint.formulas") is not None:
+    has_places = isinstance(spread, types.BaseTuple) and len(spread) >= procedural.WITH_PLACES
+    if has_places and tables.field("images.footprint.formulas") is not None:
         return lambda tables, spread: _spread_of_formulas(tables, spread)
     return lambda tables, spread: None
 
@@ -253,8 +253,8 @@ def _coordinate_spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Sp
 @noinline_helper
 def _coordinate_change(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Vec) -> tuple[Lane, Lane]:
     """Change of u and v along a displacement from a point in the instance's frame."""
-    there = Spot(ops.add(surface.local, way), surface.local_normal, surface.uv, surface.metric, surface.instance, None)
-    u, v, _, _ = texture_coordinates(tables, row, there)
+    moved = Spot(ops.add(surface.local, way), surface.local_normal, surface.uv, surface.metric, surface.instance, None)
+    u, v, _, _ = texture_coordinates(tables, row, moved)
     u, v = u - uv[0], v - uv[1]
     return ops.where(tables.textures.mapping[row] == LATLONG, u - ops.floor(u + 0.5), u), v  # latlong has a seam
 
@@ -281,13 +281,13 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
     textures, images = tables.textures, tables.images
     nearest = textures.nearest[row]
     width, height = ops.to_float(images.width[image]), ops.to_float(images.height[image])
-    plain = ops.where(nearest, 0.0, 1.0)
-    ax, ay, bx, by = spans[0] * width * plain, spans[1] * height * plain, spans[2] * width * plain, spans[3] * height * plain
+    is_filtered = ops.where(nearest, 0.0, 1.0)
+    ax, ay, bx, by = spans[0] * width * is_filtered, spans[1] * height * is_filtered, spans[2] * width * is_filtered, spans[3] * height * is_filtered
     longest, shortest, x, y = ellipse(ax, ay, bx, by)
-    whole = look_up(tables, image, s, t, wraps[0], wraps[1], nearest)
+    unfiltered = look_up(tables, image, s, t, wraps[0], wraps[1], nearest)
     wide = longest > 1.0
     if not ops.any_lane(wide):
-        return whole
+        return unfiltered
     count = -ops.floor(-ops.clip(longest / ops.maximum(shortest, 1.0), 1.0, MAX_SAMPLES))
     size = ops.maximum(ops.maximum(shortest, longest / count), 1.0)
     level = ops.log(size) * (1.0 / math.log(2.0))
@@ -311,8 +311,8 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
         blue, alpha = blue + weight * ops.lerp(near[2], far[2], share), alpha + weight * ops.lerp(near[3], far[3], share)
         k += 1
     return (
-        ops.where(wide, red, whole[0]), ops.where(wide, green, whole[1]), ops.where(wide, blue, whole[2]),
-        ops.where(wide, alpha, whole[3]),
+        ops.where(wide, red, unfiltered[0]), ops.where(wide, green, unfiltered[1]), ops.where(wide, blue, unfiltered[2]),
+        ops.where(wide, alpha, unfiltered[3]),
     )  # fmt: skip
 
 

@@ -136,29 +136,29 @@ class Keys:
         place = module, dotted
         if place not in self._resolved:
             self._resolved[place] = ()  # for packages whose parts import each other
-            first, _, rest = dotted.partition(".")
+            first, _, attributes = dotted.partition(".")
             source = self.sources.module(module)
             local = [(module, first)] if first in source.definitions else []
             if (module, first) in _FAMILIES:
                 members = (name for name in self.sources.files if name.startswith(f"{module}."))
                 local += [each for member in members for name in _FAMILIES[module, first] for each in self._resolve(member, name)]
-            imported = [each for base, name in source.imports.get(first, ()) for each in self._imported(base, name, rest)]
+            imported = [each for base, name in source.imports.get(first, ()) for each in self._imported(base, name, attributes)]
             self._resolved[place] = (*local, *imported)
         return self._resolved[place]
 
-    def _imported(self, base: str, name: str, rest: str) -> Iterator[Place]:
+    def _imported(self, base: str, name: str, attributes: str) -> Iterator[Place]:
         """The definitions that name.rest refers to after `from base import name`."""
         inner, files = f"{base}.{name}", self.sources.files
         if inner in files:
-            following, _, beyond = rest.partition(".")
-            if not rest:
+            following, _, beyond = attributes.partition(".")
+            if not attributes:
                 yield from self._all(inner)
             elif f"{inner}.{following}" in files:
                 yield from self._imported(inner, following, beyond)
             else:
-                yield from self._resolve(inner, rest)
+                yield from self._resolve(inner, attributes)
         elif base in files:
-            yield from self._resolve(base, f"{name}.{rest}" if rest else name)
+            yield from self._resolve(base, f"{name}.{attributes}" if attributes else name)
 
     def own(self, module: str) -> str | None:
         """The dotted name of a module in the package; None for a module of others."""

@@ -109,10 +109,10 @@ def _register_overload(function: Any, choose: Any, strict: bool, inline: bool, a
     overload(function, jit_options=options, strict=strict)(choose)  # pyright: ignore[reportArgumentType]
 
 
-def _register_intrinsic(made: registration.Intrinsic) -> None:
-    template = make_intrinsic_template(made, made.definition, made.definition.__name__)
+def _register_intrinsic(record: registration.Intrinsic) -> None:
+    template = make_intrinsic_template(record, record.definition, record.definition.__name__)
     infer(template)
-    infer_global(made, types.Function(template))  # pyright: ignore[reportCallIssue]
+    infer_global(record, types.Function(template))  # pyright: ignore[reportCallIssue]
 
 
 _REGISTER: dict[str, Callable[..., None]] = {

@@ -110,10 +110,10 @@ def names(folder: Path) -> set[str]:
 def write(folder: Path, fragments: list[Fragment]) -> str:
     """Write fragments; return the name of the file. On a full or read-only disk they serve this process alone."""
     header = json.dumps([[*each[:-1], len(each.code)] for each in fragments], separators=(",", ":")).encode()
-    rest = _SIZE.pack(len(header)) + header + b"".join(each.code for each in fragments)
-    digest = _digest(rest)
+    body = _SIZE.pack(len(header)) + header + b"".join(each.code for each in fragments)
+    digest = _digest(body)
     name = f"{digest.hex()}{SUFFIX}"
-    cache_folder.write(folder / name, _MAGIC + digest + rest)
+    cache_folder.write(folder / name, _MAGIC + digest + body)
     return name
 
 

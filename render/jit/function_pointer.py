@@ -56,23 +56,23 @@ def _call_of(linked: KernelPointer) -> Any:
     def call(typingctx, address, arguments):
         from .numba_types import to_numba
 
-        given = tuple(types.unliteral(kind) for kind in arguments.types)
+        argument_types = tuple(types.unliteral(kind) for kind in arguments.types)
         if isinstance(linked, DeclaredPointer):
-            kinds, result = (given[0], *map(to_numba, linked.takes)) if linked.takes else given, to_numba(linked.result)
-            if not _all_fit(given, kinds):
-                raise typing_error(f"{given} cannot be passed as {kinds}")
+            kinds, result = (argument_types[0], *map(to_numba, linked.takes)) if linked.takes else argument_types, to_numba(linked.result)
+            if not _all_fit(argument_types, kinds):
+                raise typing_error(f"{argument_types} cannot be passed as {kinds}")
         else:
-            known = {tuple(map(to_numba, kinds)): loaded for kinds, loaded in linked.kernel.loaded.items()}
-            kinds = next((kinds for kinds in known if _all_fit(given, kinds)), None)
+            signatures = {tuple(map(to_numba, kinds)): loaded for kinds, loaded in linked.kernel.loaded.items()}
+            kinds = next((kinds for kinds in signatures if _all_fit(argument_types, kinds)), None)
             if kinds is None:
-                raise typing_error(f"{linked.kernel.py_func.__name__} was not linked for {given}")
-            result = to_numba(known[kinds].result)
+                raise typing_error(f"{linked.kernel.py_func.__name__} was not linked for {argument_types}")
+            result = to_numba(signatures[kinds].result)
 
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             shape = context.call_conv.get_function_type(result, kinds)
             function = builder.inttoptr(args[0], shape.as_pointer())
             parts = zip(cgutils.unpack_tuple(builder, args[1]), sig.args[1].types, kinds, strict=True)
-            values = [context.cast(builder, value, kind, wanted) for value, kind, wanted in parts]
+            values = [context.cast(builder, value, kind, parameter) for value, kind, parameter in parts]
             status, value = context.call_conv.call_function(builder, function, result, kinds, values)
             with cgutils.if_unlikely(builder, status.is_error):
                 context.call_conv.return_status_propagate(builder, status)
@@ -83,14 +83,14 @@ def _call_of(linked: KernelPointer) -> Any:
     return intrinsic(call)
 
 
-def _all_fit(given: Sequence[Any], wanted: Sequence[Any]) -> bool:
-    return len(given) == len(wanted) and all(map(_fits, given, wanted))
+def _all_fit(arguments: Sequence[Any], parameters: Sequence[Any]) -> bool:
+    return len(arguments) == len(parameters) and all(map(_fits, arguments, parameters))
 
 
-def _fits(given: Any, wanted: Any) -> bool:
+def _fits(argument: Any, parameter: Any) -> bool:
     """Return whether a value can be passed: with its own type, or a number that is broadcast to lanes."""
-    if isinstance(given, types.BaseTuple) and isinstance(wanted, types.BaseTuple):
-        return _all_fit(given.types, wanted.types)
-    if isinstance(wanted, simd.Vector):
-        return given == wanted or isinstance(given, types.Number | types.Boolean)
-    return given == wanted or (isinstance(given, types.Integer) and isinstance(wanted, types.Integer))
+    if isinstance(argument, types.BaseTuple) and isinstance(parameter, types.BaseTuple):
+        return _all_fit(argument.types, parameter.types)
+    if isinstance(parameter, simd.Vector):
+        return argument == parameter or isinstance(argument, types.Number | types.Boolean)
+    return argument == parameter or (isinstance(argument, types.Integer) and isinstance(parameter, types.Integer))

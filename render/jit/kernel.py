@@ -87,26 +87,26 @@ def make_replace(kind: Any, *names: str) -> Any:
 
 
 def specialize_if_present(function: Callable[..., Any], is_active: Callable[[Any], Any] | None = None) -> Callable[..., Any]:
-    """`select(part, plain, …)`: `plain` where `part` is absent, else function(part, plain, …).
+    """`select(part, default, …)`: `default` where `part` is absent, else function(part, plain, …).
 
     A part is absent if it is None or a NamedTuple without fields; its type decides. So kernels compile only the features that a scene uses.
-    General kernels have all features: with `is_active`, they branch to `plain` at run time unless is_active(part) for some lane.
+    General kernels have all features: with `is_active`, they branch to `default` at run time unless is_active(part) for some lane.
     """
 
-    def select(part: Any, plain: Any, *of: Any) -> Any:
-        return plain if _is_absent(part) or not (is_active is None or is_active(part)) else function(part, plain, *of)
+    def select(part: Any, default: Any, *arguments: Any) -> Any:
+        return default if _is_absent(part) or not (is_active is None or is_active(part)) else function(part, default, *arguments)
 
     @overload(select)
-    def _in_kernels(part, plain, *of):
+    def _in_kernels(part, default, *arguments):
         if _is_absent_type(part):
-            return lambda part, plain, *of: plain
+            return lambda part, default, *arguments: default
         if is_active is None:
-            return lambda part, plain, *of: function(part, plain, *of)
+            return lambda part, default, *arguments: function(part, default, *arguments)
 
-        def branch(part, plain, *of):
+        def branch(part, default, *arguments):
             if is_active(part):  # pyright: ignore[reportOptionalCall]
-                return function(part, plain, *of)
-            return plain
+                return function(part, default, *arguments)
+            return default
 
         return branch
 
@@ -116,12 +116,14 @@ def specialize_if_present(function: Callable[..., Any], is_active: Callable[[Any
 def specialize_either(function: Callable[..., Any], otherwise: Callable[..., Any]) -> Callable[..., Any]:
     """`select(part, …)`: otherwise(…) where `part` is absent (see `specialize_if_present`), else function(part, …)."""
 
-    def select(part: Any, *of: Any) -> Any:
-        return otherwise(*of) if _is_absent(part) else function(part, *of)
+    def select(part: Any, *arguments: Any) -> Any:
+        return otherwise(*arguments) if _is_absent(part) else function(part, *arguments)
 
     @overload(select)
-    def _in_kernels(part, *of):
-        return (lambda part, *of: otherwise(*of)) if _is_absent_type(part) else (lambda part, *of: function(part, *of))
+    def _in_kernels(part, *arguments):
+        if _is_absent_type(part):
+            return lambda part, *arguments: otherwise(*arguments)
+        return lambda part, *arguments: function(part, *arguments)
 
     return select
 

@@ -29,8 +29,8 @@ def packed(name: str, code: Code) -> bytes:
     """The content of the file of a name."""
     header = {"name": name, "entry": code.entry, "function": code.function, "result": code.result.plain, "needs": code.needs}
     text = json.dumps(header, separators=(",", ":")).encode()
-    rest = _SIZE.pack(len(text)) + text + code.code
-    return _MAGIC + _digest(rest) + rest
+    body = _SIZE.pack(len(text)) + text + code.code
+    return _MAGIC + _digest(body) + body
 
 
 def unpacked(name: str, data: bytes) -> Code | None:

@@ -27,8 +27,8 @@ class KernelError(RuntimeError):
 def target_machine(opt: int = 2) -> Any:
     """LLVM's target machine of kernels."""
     _initialize()
-    found = llvm.Target.from_triple(llvm.get_process_triple())
-    return found.create_target_machine(cpu=target.LEVEL.cpu, features=target.LEVEL.features, opt=opt, jit=True, codemodel="jitdefault")
+    machine = llvm.Target.from_triple(llvm.get_process_triple())
+    return machine.create_target_machine(cpu=target.LEVEL.cpu, features=target.LEVEL.features, opt=opt, jit=True, codemodel="jitdefault")
 
 
 @cache

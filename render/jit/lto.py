@@ -135,7 +135,7 @@ def _link(module: Any, libraries: list[Any]) -> None:
 
     Linkage changes after linking: LLVM does not link discardable functions that are not called yet.
     """
-    own = {function.name for function in module.functions if not function.is_declaration}
+    defined = {function.name for function in module.functions if not function.is_declaration}
     linked, others, todo = dict[Any, Any](), dict[Any, None](), list(reversed(libraries))
     while todo:
         library = todo.pop()
@@ -147,7 +147,7 @@ def _link(module: Any, libraries: list[Any]) -> None:
     for library in linked.values():
         module.link_in(library.module(), preserve=True)
     for function in module.functions:
-        if not function.is_declaration and function.name not in own:
+        if not function.is_declaration and function.name not in defined:
             function.linkage = "linkonce_odr"
     for library in others:
         module.link_in(library._get_module_for_linking(), preserve=True)

@@ -142,6 +142,6 @@ def _to_plain(module: Module) -> list[Any]:
     return [{name: list(each) for name, each in module.definitions.items()}, module.imports]
 
 
-def _from_plain(plain: list[Any]) -> Module:
-    defined = {name: Definition(each[0], tuple(each[1])) for name, each in plain[0].items()}
-    return Module(defined, {name: tuple((base, inner) for base, inner in found) for name, found in plain[1].items()})
+def _from_plain(record: list[Any]) -> Module:
+    defined = {name: Definition(each[0], tuple(each[1])) for name, each in record[0].items()}
+    return Module(defined, {name: tuple((base, inner) for base, inner in origins) for name, origins in record[1].items()})

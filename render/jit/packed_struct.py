@@ -112,14 +112,14 @@ def skip_when_tagged(tag: str, otherwise: Callable[..., Any]) -> Callable[[Calla
     """Decorate a helper whose first argument is a Handle: kernels call `otherwise` instead where the Handle's type has the tag."""
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        def select(handle: Any, *of: Any) -> Any:
-            return function(handle, *of)
+        def select(handle: Any, *arguments: Any) -> Any:
+            return function(handle, *arguments)
 
         @overload(select)
-        def _in_kernels(handle, *of):
+        def _in_kernels(handle, *arguments):
             if handle.field(tag) is None:
-                return lambda handle, *of: function(handle, *of)
-            return lambda handle, *of: otherwise(handle, *of)
+                return lambda handle, *arguments: function(handle, *arguments)
+            return lambda handle, *arguments: otherwise(handle, *arguments)
 
         return select
 

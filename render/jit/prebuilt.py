@@ -39,5 +39,5 @@ def read(name: str) -> bytes | None:
 
 def find(name: str) -> Path | None:
     """The file of a name, if the package has it."""
-    here = folder()
-    return here / name if here is not None and (here / name).is_file() else None
+    directory = folder()
+    return directory / name if directory is not None and (directory / name).is_file() else None

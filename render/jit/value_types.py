@@ -172,18 +172,18 @@ def _plain_kind(kind: Any) -> Any:
     return ["layout", _plain_layout(kind)]
 
 
-def _kind_of_plain(plain: Any) -> Any:
-    if isinstance(plain, str):
-        return plain
-    if plain[0] == "array":
-        return "array", plain[1], tuple(plain[2])
-    if plain[0] == "handle":
-        return "handle", from_plain(plain)
-    return _layout_of_plain(plain[1])
+def _kind_of_plain(description: Any) -> Any:
+    if isinstance(description, str):
+        return description
+    if description[0] == "array":
+        return "array", description[1], tuple(description[2])
+    if description[0] == "handle":
+        return "handle", from_plain(description)
+    return _layout_of_plain(description[1])
 
 
-def _layout_of_plain(plain: Any) -> Layout:
-    return tuple((name, word, _kind_of_plain(kind)) for name, word, kind in plain)
+def _layout_of_plain(description: Any) -> Layout:
+    return tuple((name, word, _kind_of_plain(kind)) for name, word, kind in description)
 
 
 def field_type(kind: Any) -> ValueType:
@@ -216,11 +216,11 @@ def tuple_of(*items: ValueType) -> Tuple:
     return tuple_type(None, items)
 
 
-def from_plain(plain: Any) -> ValueType:
-    """The type that `plain` describes. Raises ValueError, LookupError, TypeError, AttributeError or ImportError for other data."""
-    if isinstance(plain, str):
-        return scalar(plain)
-    name, *parts = plain
+def from_plain(description: Any) -> ValueType:
+    """The type that `description` describes. Raises ValueError, LookupError, TypeError, AttributeError or ImportError for other data."""
+    if isinstance(description, str):
+        return scalar(description)
+    name, *parts = description
     if name == "array":
         return _array(*parts)
     if name == "tuple":

@@ -382,14 +382,14 @@ def narrow(nest: Any) -> Any:
 def _narrow(nest):
     names: dict[str, Any] = {"single": np.float32}
 
-    def source(kind, at: str) -> str:
+    def source(kind, expression: str) -> str:
         if hasattr(kind, "types"):
             name = f"kind{len(names)}"
             named = isinstance(kind, types.BaseNamedTuple)
             names[name] = getattr(kind, "instance_class", None)
-            parts = "".join(f"{source(part, f'{at}[{k}]')}, " for k, part in enumerate(kind.types))
+            parts = "".join(f"{source(part, f'{expression}[{k}]')}, " for k, part in enumerate(kind.types))
             return f"{name}({parts})" if named else f"({parts})"
-        return f"single({at})" if isinstance(kind, types.Float) else at
+        return f"single({expression})" if isinstance(kind, types.Float) else expression
 
     exec(f"def narrow(nest): return {source(nest, 'nest')}", names)  # Numba does not loop over heterogeneous tuples
     return names["narrow"]

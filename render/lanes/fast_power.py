@@ -25,17 +25,17 @@ def _fast_pow(x, y):
     if isinstance(y, simd.Vector):
 
         def of_vectors(x, y):
-            one = simd.lane(y, 0)
-            whole = np.int64(min(one, 1e3))
-            if whole <= MAX_WHOLE_POWER and simd.all_of(y == whole):
-                return _whole_power(x, whole)
+            exponent = simd.lane(y, 0)
+            n = np.int64(min(exponent, 1e3))
+            if n <= MAX_WHOLE_POWER and simd.all_of(y == n):
+                return _whole_power(x, n)
             return np.exp(y * np.log(x))
 
         return of_vectors
 
     def of_scalars(x, y):
-        whole = np.int64(min(y, 1e3))
-        return _whole_power(x, whole) if whole <= MAX_WHOLE_POWER and whole == y else np.exp(y * np.log(x))
+        n = np.int64(min(y, 1e3))
+        return _whole_power(x, n) if n <= MAX_WHOLE_POWER and n == y else np.exp(y * np.log(x))
 
     return of_scalars
 
@@ -48,10 +48,10 @@ def _whole_power(x: Lane, n: int) -> Lane:
     while n & 1 == 0:
         x = x * x
         n >>= 1
-    found = x
+    product = x
     while n > 1:
         x = x * x
         n >>= 1
         if n & 1:
-            found = found * x
-    return found
+            product = product * x
+    return product

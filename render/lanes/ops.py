@@ -286,8 +286,8 @@ def _broadcasts_to(kind: str) -> Callable[..., Any]:
     def typing(context: Any, like: Any, value: Any) -> Any:
         if not isinstance(like, simd.Vector):
             return None
-        whole = simd.Vector(kind, like.bits, like.lanes)
-        return signature(whole, like, whole)
+        result = simd.Vector(kind, like.bits, like.lanes)
+        return signature(result, like, result)
 
     return typing
 
@@ -297,8 +297,8 @@ def _same_type(context: Any, x: Any) -> Any:
 
 
 def _floor_to_int(x: llvm_expr.Value) -> llvm_expr.Value:
-    whole = x.call("floor")
-    return llvm_expr.select(abs(x) < 2.0 ** (x.bits - 2), whole, x.constant(0.0)).to("i", x.bits)
+    floored = x.call("floor")
+    return llvm_expr.select(abs(x) < 2.0 ** (x.bits - 2), floored, x.constant(0.0)).to("i", x.bits)
 
 
 define(where, lambda *kinds: simd.select_signature(*kinds), lambda *values: llvm_expr.select(*values))

@@ -59,10 +59,11 @@ def _eight_at(table, row, first):
         return lambda table, row, first: simd.gather_rows(table, row * _row_length(table), 8, first)
 
     def scalar(table, row, first):
-        at = row * _row_length(table) + first
+        element = row * _row_length(table) + first
         return (
-            simd.read(table, at), simd.read(table, at + 1), simd.read(table, at + 2), simd.read(table, at + 3), simd.read(table, at + 4),
-            simd.read(table, at + 5), simd.read(table, at + 6), simd.read(table, at + 7),
+            simd.read(table, element), simd.read(table, element + 1), simd.read(table, element + 2), simd.read(table, element + 3),
+            simd.read(table, element + 4),
+            simd.read(table, element + 5), simd.read(table, element + 6), simd.read(table, element + 7),
         )  # fmt: skip
 
     return scalar

@@ -16,43 +16,43 @@ ROW = SIZE + PAD
 @helper
 def load3(rows: Any, base: int, row: int, i: int) -> Vec:
     """Load a vector of 3D vectors from rows `row` … row + 2, element i on."""
-    at = base + row * ROW + i
-    return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW)
+    element = base + row * ROW + i
+    return simd.load(rows, element), simd.load(rows, element + ROW), simd.load(rows, element + 2 * ROW)
 
 
 @helper
 def store3(rows: Any, base: int, row: int, i: int, v: Vec) -> None:
     """Store a vector of 3D vectors to rows `row` … row + 2, element i on."""
-    at = base + row * ROW + i
-    simd.store(rows, at, v[0])
-    simd.store(rows, at + ROW, v[1])
-    simd.store(rows, at + 2 * ROW, v[2])
+    element = base + row * ROW + i
+    simd.store(rows, element, v[0])
+    simd.store(rows, element + ROW, v[1])
+    simd.store(rows, element + 2 * ROW, v[2])
 
 
 @helper
-def compress_store(rows: Any, at: int, x: Lane, mask: Lane) -> None:
-    """Compress the lanes of a mask and store them from `at` on; overwrites the elements behind them in the row."""
-    simd.store(rows, at, simd.compress(x, mask))
+def compress_store(rows: Any, element: int, x: Lane, mask: Lane) -> None:
+    """Compress the lanes of a mask and store them from `element` on; overwrites the elements behind them in the row."""
+    simd.store(rows, element, simd.compress(x, mask))
 
 
 @helper
-def compress_store3(rows: Any, at: int, v: Vec, mask: Lane) -> None:
+def compress_store3(rows: Any, element: int, v: Vec, mask: Lane) -> None:
     """`compress_store` for a vector of 3D vectors in three rows."""
-    compress_store(rows, at, v[0], mask)
-    compress_store(rows, at + ROW, v[1], mask)
-    compress_store(rows, at + 2 * ROW, v[2], mask)
+    compress_store(rows, element, v[0], mask)
+    compress_store(rows, element + ROW, v[1], mask)
+    compress_store(rows, element + 2 * ROW, v[2], mask)
 
 
 @helper
 def scatter_add(rows: Any, slot: Lane, light: Vec, mask: Lane) -> None:
     """Add light to the radiance of the paths in a mask; each path occurs in one lane only."""
     for k in range(3):
-        at = slot + k * ROW
-        simd.scatter(rows, at, simd.gather(rows, at, mask) + light[k], mask)
+        element = slot + k * ROW
+        simd.scatter(rows, element, simd.gather(rows, element, mask) + light[k], mask)
 
 
 @helper
 def gather3(rows: Any, base: int, row: int, k: Lane) -> Vec:
     """Gather 3D vectors from rows `row` … row + 2 at elements k."""
-    at = k + (base + row * ROW)
-    return rows[at], rows[at + ROW], rows[at + 2 * ROW]
+    element = k + (base + row * ROW)
+    return rows[element], rows[element + ROW], rows[element + 2 * ROW]

@@ -32,5 +32,5 @@ def __getattr__(name: str) -> Any:
     """A function of kernels, when it is first used."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(f".{_MODULES[name]}", __name__), name)
-    return found
+    function = globals()[name] = getattr(import_module(f".{_MODULES[name]}", __name__), name)
+    return function

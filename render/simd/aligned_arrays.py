@@ -15,11 +15,11 @@ _LARGE = 1 << 22  # bytes from which numpy requests huge pages
 
 def aligned_empty(shape: int | tuple[int, ...], dtype: Any, alignment: int = CACHE_LINE) -> NDArray[Any]:
     """Allocate an uninitialized array whose data start at a multiple of `alignment` bytes, for `load_aligned`."""
-    whole = (shape,) if isinstance(shape, int) else shape
-    size = math.prod(whole) * np.dtype(dtype).itemsize
+    dimensions = (shape,) if isinstance(shape, int) else shape
+    size = math.prod(dimensions) * np.dtype(dtype).itemsize
     block = np.empty(size + alignment, np.uint8)
     start = -block.ctypes.data % alignment
-    return block[start : start + size].view(dtype).reshape(whole)
+    return block[start : start + size].view(dtype).reshape(dimensions)
 
 
 def paged_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:

@@ -51,9 +51,9 @@ def try_claim(typingctx, states, index):
     """Claim states[index] (0 free, 1 claimed, 2 done) if it is free; return the value before."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        zero, one = ir.Constant(I64, 0), ir.Constant(I64, 1)
-        found = builder.cmpxchg(_element(context, builder, states, *args), zero, one, "acq_rel", "acquire")
-        return builder.extract_value(found, 0)
+        zero, claimed = ir.Constant(I64, 0), ir.Constant(I64, 1)
+        previous = builder.cmpxchg(_element(context, builder, states, *args), zero, claimed, "acq_rel", "acquire")
+        return builder.extract_value(previous, 0)
 
     return signature(types.int64, states, types.int64), generate
 

@@ -18,11 +18,11 @@ from . import target
 from .llvm_expr import I32, I64, Value
 
 
-def check_range(builder: Any, made: Any, place: Any, count: int) -> None:
+def check_range(builder: Any, array: Any, place: Any, count: int) -> None:
     """Check that elements place … place + count − 1 lie in an array."""
     if target.CHECKED and count:
-        last = builder.sub(made.nitems, ir.Constant(I64, count))
-        _end_if(builder, _outside(builder, place, last), place, made.nitems)
+        last = builder.sub(array.nitems, ir.Constant(I64, count))
+        _end_if(builder, _outside(builder, place, last), place, array.nitems)
 
 
 def check_lanes(builder: Any, size: Any, index: Value, mask: Any = None, count: int = 1) -> None:
@@ -56,5 +56,5 @@ def _line() -> str:
         frame = frame.f_back
     if frame is None:
         return "?"
-    found = frame.f_locals["inst"].loc
-    return f"{Path(found.filename).name}:{found.line}"
+    location = frame.f_locals["inst"].loc
+    return f"{Path(location.filename).name}:{location.line}"

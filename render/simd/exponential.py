@@ -24,15 +24,15 @@ def exp(x: Value) -> Value:
     return _exp_of_sum(x, None)
 
 
-def _exp_of_sum(x: Value, rest: Value | None) -> Value:
-    """exp(x + rest) for a rest small against x."""
+def _exp_of_sum(x: Value, tail: Value | None) -> Value:
+    """exp(x + tail) for a tail small against x."""
     low, high = _EXP_ENDS[x.bits]
     clipped = minimum(maximum(x, x.constant(low)), x.constant(high))
     k = (clipped * (1.0 / math.log(2.0))).call("nearbyint")
     first, second = _LN2[x.bits]
     r = (clipped - k * first) - k * second
-    if rest is not None:
-        r = r + select(clipped == x, rest, rest.constant(0.0))
+    if tail is not None:
+        r = r + select(clipped == x, tail, tail.constant(0.0))
     if x.bits == 32:
         grown = 1.0 + fma(polynomial(r, _EXP_32), r * r, r)
     else:
@@ -42,8 +42,8 @@ def _exp_of_sum(x: Value, rest: Value | None) -> Value:
     # Scale by half of the exponent twice: the power of two of a denormal result is not a normal number.
     k = to_integer(k)
     half = k >> 1
-    found = grown * power_of_two(half) * power_of_two(k - half)
-    return select(x == x, found, x)
+    result = grown * power_of_two(half) * power_of_two(k - half)
+    return select(x == x, result, x)
 
 
 _LOG_32 = (
@@ -76,15 +76,15 @@ def log(x: Value) -> Value:
         z = f * f
         y = polynomial(f, _LOG_32) * z * f
         y = fma(k, k.constant(_LN2[32][1]), y) - 0.5 * z
-        found = fma(k, k.constant(_LN2[32][0]), f + y)
+        result = fma(k, k.constant(_LN2[32][0]), f + y)
     else:
         s = f / (2.0 + f)
         z = s * s
         half = 0.5 * f * f
-        found = k * _LN2_HIGH - ((half - (s * (half + polynomial(z, _LOG_64) * z) + k * _LN2_LOW)) - f)
-    found = select(x == 0.0, x.constant(-math.inf), found)
-    found = select(x == math.inf, x, found)
-    return select(x >= 0.0, found, x.constant(math.nan))
+        result = k * _LN2_HIGH - ((half - (s * (half + polynomial(z, _LOG_64) * z) + k * _LN2_LOW)) - f)
+    result = select(x == 0.0, x.constant(-math.inf), result)
+    result = select(x == math.inf, x, result)
+    return select(x >= 0.0, result, x.constant(math.nan))
 
 
 def _log_in_two(x: Value) -> tuple[Value, Value]:
@@ -131,31 +131,31 @@ def power(x: Value, y: Value) -> Value:
 
 def power_64(x: Value, y: Value, in_two: bool) -> Value:
     """Power of float64 operands; `in_two` uses the double-double logarithm."""
-    one = x.constant(1.0)
+    unit = x.constant(1.0)
     a = abs(x)
     usual = (a > 0.0) & (a < math.inf)
-    base = select(usual, a, one)
+    base = select(usual, a, unit)
     if in_two:
         high, low = _log_in_two(base)
         # y is clamped to keep the product finite; products beyond exp's range stay beyond it
         cut = minimum(maximum(y, y.constant(-1e290)), y.constant(1e290))
-        h, rest = two_product(cut, high)
-        found = _exp_of_sum(h, fma(cut, low, rest))
+        h, tail = two_product(cut, high)
+        result = _exp_of_sum(h, fma(cut, low, tail))
     else:
-        found = exp(y * log(base))
+        result = exp(y * log(base))
     rising = (y > 0.0) ^ (a == 0.0)  # of the bases 0 and ∞: whether the power is ∞
-    found = select(usual, found, select(rising, x.constant(math.inf), x.constant(0.0)))
+    result = select(usual, result, select(rising, x.constant(math.inf), x.constant(0.0)))
     is_whole = y.call("floor") == y
     half = 0.5 * y
     odd = is_whole & (half.call("floor") != half) & (abs(y) < math.inf)
     negative = x.bitcast("i") < 0
-    found = select(negative & odd, -found, found)
-    found = select((x < 0.0) & ~is_whole & (a < math.inf), x.constant(math.nan), found)
+    result = select(negative & odd, -result, result)
+    result = select((x < 0.0) & ~is_whole & (a < math.inf), x.constant(math.nan), result)
     # infinite exponents
     far = abs(y) == math.inf
-    found = select(far, select(a == 1.0, one, select((a > 1.0) ^ (y < 0.0), x.constant(math.inf), x.constant(0.0))), found)
-    found = select((x == x) & (y == y), found, x + y)
-    return select((y == 0.0) | (x == 1.0), one, found)
+    result = select(far, select(a == 1.0, unit, select((a > 1.0) ^ (y < 0.0), x.constant(math.inf), x.constant(0.0))), result)
+    result = select((x == x) & (y == y), result, x + y)
+    return select((y == 0.0) | (x == 1.0), unit, result)
 
 
 def hypot(x: Value, y: Value) -> Value:
@@ -163,6 +163,6 @@ def hypot(x: Value, y: Value) -> Value:
     a, b = abs(x), abs(y)
     large, small = maximum(a, b), minimum(a, b)
     ratio = small / select(large == 0.0, large.constant(1.0), large)
-    found = large * fma(ratio, ratio, ratio.constant(1.0)).call("sqrt")
-    found = select((x == x) & (y == y), found, x + y)
-    return select((a == math.inf) | (b == math.inf), x.constant(math.inf), found)
+    result = large * fma(ratio, ratio, ratio.constant(1.0)).call("sqrt")
+    result = select((x == x) & (y == y), result, x + y)
+    return select((a == math.inf) | (b == math.inf), x.constant(math.inf), result)

@@ -29,15 +29,15 @@ def select_signature(typingctx: Any, mask: types.Type, yes: types.Type, no: type
     """Typing rule of `select`: the common type of `yes` and `no` in the lanes of the mask."""
     mask, yes, no = map(types.unliteral, (mask, yes, no))
     if isinstance(mask, Vector) and mask.kind == "m":
-        whole = common_type(typingctx, yes, no)
-        shape = whole and shape_of(whole)
+        common = common_type(typingctx, yes, no)
+        shape = common and shape_of(common)
         if not shape:
             return None
         if not shape[2]:
-            whole = Vector(shape[0], mask.bits, mask.lanes)
-        return signature(whole, mask, whole, whole) if whole.lanes == mask.lanes else None
-    whole = common_type(typingctx, yes, no)
-    return signature(whole, mask, whole, whole) if isinstance(mask, types.Boolean) and whole else None
+            common = Vector(shape[0], mask.bits, mask.lanes)
+        return signature(common, mask, common, common) if common.lanes == mask.lanes else None
+    common = common_type(typingctx, yes, no)
+    return signature(common, mask, common, common) if isinstance(mask, types.Boolean) and common else None
 
 
 @intrinsic
@@ -114,8 +114,8 @@ def _estimate(x: Value, name: str) -> Value | None:
     if not simd_target.AVX512 or x.kind != "f" or x.lanes * x.bits not in (128, 256, 512):
         return None
     b, every = x.builder, ir.IntType(8 if x.lanes <= 8 else 16)
-    whole = f"llvm.x86.avx512.{name}14.p{'s' if x.bits == 32 else 'd'}.{x.lanes * x.bits}"
-    return x.like(v.call(b, whole, x.raw.type, [x.raw, x.constant(0.0).raw, ir.Constant(every, -1)]))
+    full_name = f"llvm.x86.avx512.{name}14.p{'s' if x.bits == 32 else 'd'}.{x.lanes * x.bits}"
+    return x.like(v.call(b, full_name, x.raw.type, [x.raw, x.constant(0.0).raw, ir.Constant(every, -1)]))
 
 
 def _reciprocal(x: Value) -> Value:
@@ -193,8 +193,8 @@ def mask_from_bits(typingctx, number, like):
     result = Vector("m", like.bits, like.lanes)
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        whole = context.cast(builder, args[0], sig.args[0], types.int64)
-        return builder.bitcast(builder.trunc(whole, ir.IntType(result.lanes)), ir.VectorType(I1, result.lanes))
+        bits = context.cast(builder, args[0], sig.args[0], types.int64)
+        return builder.bitcast(builder.trunc(bits, ir.IntType(result.lanes)), ir.VectorType(I1, result.lanes))
 
     return signature(result, number, like), generate
 
@@ -221,8 +221,8 @@ def trailing_zeros(typingctx, number):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        whole = context.cast(builder, args[0], sig.args[0], types.int64)
-        return v.call(builder, "llvm.cttz.i64", I64, [whole, ir.Constant(I1, 0)])
+        bits = context.cast(builder, args[0], sig.args[0], types.int64)
+        return v.call(builder, "llvm.cttz.i64", I64, [bits, ir.Constant(I1, 0)])
 
     return signature(types.int64, types.unliteral(number)), generate
 

@@ -93,9 +93,9 @@ def gather(typingctx, array, index, mask=None):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        made, places = make_array(array)(context, builder, value=args[0]), value(builder, args[1], index)
-        bounds_check.check_lanes(builder, made.nitems, places, args[2] if mask else None)
-        return emit_gather(context, builder, array, made.data, places, args[2] if mask else None).raw
+        struct, places = make_array(array)(context, builder, value=args[0]), value(builder, args[1], index)
+        bounds_check.check_lanes(builder, struct.nitems, places, args[2] if mask else None)
+        return emit_gather(context, builder, array, struct.data, places, args[2] if mask else None).raw
 
     return signature(Vector(*shape, index.lanes), array, index, mask or types.none), generate
 
@@ -108,9 +108,9 @@ def scatter(typingctx, array, index, x, mask=None):
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
         raw = to_memory(value(builder, args[2], x), array)
-        made = make_array(array)(context, builder, value=args[0])
-        bounds_check.check_lanes(builder, made.nitems, value(builder, args[1], index), args[3] if mask else None)
-        where = addresses(builder, raw.type.element, made.data, args[1])
+        struct = make_array(array)(context, builder, value=args[0])
+        bounds_check.check_lanes(builder, struct.nitems, value(builder, args[1], index), args[3] if mask else None)
+        where = addresses(builder, raw.type.element, struct.data, args[1])
         every = args[3] if mask else ir.Constant(ir.VectorType(I1, x.lanes), [1] * x.lanes)
         name = f"llvm.masked.scatter.{suffix_of(raw.type.element, x.lanes)}.v{x.lanes}p0"
         v.call(builder, name, ir.VoidType(), [raw, where, ir.Constant(I32, item_bytes(array)), every])
@@ -155,12 +155,12 @@ def _store_packed(builder: Any, pointer: Any, raw: Any, mask: Any) -> None:
     """Store lane by lane without branches: an unset lane writes to a spare element, so nothing behind the last set lane changes."""
     element = raw.type.element
     spare = entry_alloca(builder, element, 1)
-    pointer, at = builder.bitcast(pointer, element.as_pointer()), ir.Constant(I64, 0)
+    pointer, offset = builder.bitcast(pointer, element.as_pointer()), ir.Constant(I64, 0)
     for k in range(raw.type.count):
         on = builder.extract_element(mask, ir.Constant(I32, k))
-        target = builder.select(on, builder.gep(pointer, [at]), spare)
+        target = builder.select(on, builder.gep(pointer, [offset]), spare)
         builder.store(builder.extract_element(raw, ir.Constant(I32, k)), target)
-        at = builder.add(at, builder.zext(on, I64))
+        offset = builder.add(offset, builder.zext(on, I64))
 
 
 @intrinsic
@@ -226,13 +226,13 @@ def gather_rows(typingctx, array, index, k, first=None):
     result = types.UniTuple(Vector(*shape, lanes), columns)
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        made = make_array(array)(context, builder, value=args[0])
+        struct = make_array(array)(context, builder, value=args[0])
         further = context.cast(builder, args[3], first, types.int64) if isinstance(first, types.Integer) else ir.Constant(I64, 0)
-        bounds_check.check_lanes(builder, builder.sub(made.nitems, further), value(builder, args[1], index), count=columns)
+        bounds_check.check_lanes(builder, builder.sub(struct.nitems, further), value(builder, args[1], index), count=columns)
         rows = []
         for n in range(lanes):
-            at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
-            place = builder.gep(builder.gep(made.data, [at]), [further])
+            row_index = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
+            place = builder.gep(builder.gep(struct.data, [row_index]), [further])
             pointer = as_vector(builder, place, stored_type(context, array), columns)
             rows.append(builder.load(pointer, align=item_bytes(array)))
         return context.make_tuple(builder, result, _columns(builder, rows, columns))
@@ -258,10 +258,10 @@ def _side_by_side(builder: Any, rows: list[Any]) -> Any:
 
 
 def _column(builder: Any, rows: Sequence[Any], j: int) -> Any:
-    whole = ir.Constant(ir.VectorType(rows[0].type.element, len(rows)), ir.Undefined)
+    column = ir.Constant(ir.VectorType(rows[0].type.element, len(rows)), ir.Undefined)
     for n, row in enumerate(rows):
-        whole = builder.insert_element(whole, builder.extract_element(row, ir.Constant(I32, j)), ir.Constant(I32, n))
-    return whole
+        column = builder.insert_element(column, builder.extract_element(row, ir.Constant(I32, j)), ir.Constant(I32, n))
+    return column
 
 
 @intrinsic
@@ -274,17 +274,17 @@ def scatter_rows(typingctx, array, index, columns):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        made = make_array(array)(context, builder, value=args[0])
-        bounds_check.check_lanes(builder, made.nitems, value(builder, args[1], index), count=k)
+        struct = make_array(array)(context, builder, value=args[0])
+        bounds_check.check_lanes(builder, struct.nitems, value(builder, args[1], index), count=k)
         parts = [to_memory(value(builder, builder.extract_value(args[2], j), kind), array) for j in range(k)]
         beside = transpose_blocks(builder, parts, kind.lanes) if k in (2, 4, 8) and kind.lanes >= k else None
         for n in range(kind.lanes):
-            at = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
+            row_index = value(builder, builder.extract_element(args[1], ir.Constant(I32, n)), index.scalar).to("i", 64).raw
             if beside is None:
                 row = _column(builder, parts, n)
             else:
                 row = shuffle(builder, beside[n % k], beside[n % k], list(range(n - n % k, n - n % k + k)))
-            pointer = as_vector(builder, builder.gep(made.data, [at]), row.type.element, k)
+            pointer = as_vector(builder, builder.gep(struct.data, [row_index]), row.type.element, k)
             builder.store(row, pointer, align=item_bytes(array))
         return context.get_dummy_value()
 

@@ -58,8 +58,8 @@ class Value:
     def call(self, name: str, *others: Value, result: Value | None = None) -> Value:
         """Call an LLVM intrinsic overloaded on this type, such as sqrt."""
         suffix = ("f" if self.kind == "f" else "i") + str(1 if self.kind == "m" else self.bits)
-        whole = f"llvm.{name}.{f'v{self.lanes}' if self.lanes else ''}{suffix}"
-        return (result or self).like(call(self.builder, whole, (result or self).raw.type, [self.raw, *(o.raw for o in others)]))
+        full_name = f"llvm.{name}.{f'v{self.lanes}' if self.lanes else ''}{suffix}"
+        return (result or self).like(call(self.builder, full_name, (result or self).raw.type, [self.raw, *(o.raw for o in others)]))
 
     def _other(self, other: Any) -> Value:
         if isinstance(other, Value):
@@ -95,9 +95,9 @@ class Value:
 
     def splat(self, lanes: int) -> Value:
         """Broadcast this scalar to all lanes."""
-        one = ir.VectorType(self.raw.type, lanes)
-        whole = self.builder.insert_element(ir.Constant(one, ir.Undefined), self.raw, ir.Constant(I32, 0))
-        return self.like(self.builder.shuffle_vector(whole, whole, ir.Constant(ir.VectorType(I32, lanes), [0] * lanes)))
+        vector_type = ir.VectorType(self.raw.type, lanes)
+        vector = self.builder.insert_element(ir.Constant(vector_type, ir.Undefined), self.raw, ir.Constant(I32, 0))
+        return self.like(self.builder.shuffle_vector(vector, vector, ir.Constant(ir.VectorType(I32, lanes), [0] * lanes)))
 
     # --- arithmetic ---------------------------------------------------------------------------------------------------------
 
@@ -207,8 +207,8 @@ def _number(kind: str, bits: int, number: float) -> Any:
 
 def call(builder: Any, name: str, result: Any, arguments: Sequence[Any]) -> Any:
     """Call an LLVM intrinsic or library function by its full name."""
-    known = builder.module.globals.get(name)
-    return builder.call(known or ir.Function(builder.module, ir.FunctionType(result, [a.type for a in arguments]), name), arguments)
+    function = builder.module.globals.get(name)
+    return builder.call(function or ir.Function(builder.module, ir.FunctionType(result, [a.type for a in arguments]), name), arguments)
 
 
 def select(mask: Value, yes: Value, no: Value) -> Value:
@@ -243,27 +243,27 @@ def floor_divide(a: Value, b: Value) -> tuple[Value, Value]:
     by_zero, builder = b == 0, a.builder
     safe = select(by_zero, b.constant(1), b)
     if a.kind == "u":
-        quotient, rest = a.like(builder.udiv(a.raw, safe.raw)), a.like(builder.urem(a.raw, safe.raw))
+        quotient, remainder = a.like(builder.udiv(a.raw, safe.raw)), a.like(builder.urem(a.raw, safe.raw))
     else:
         minus = safe == -1  # the lowest integer divided by −1 traps
         safe = select(minus, safe.constant(1), safe)
         signed = select(minus, -a, a)
         quotient = signed.like(builder.sdiv(signed.raw, safe.raw))
-        rest = signed - quotient * safe
-        off = (rest != 0) & ((rest ^ safe) < 0)
-        quotient, rest = quotient + select(off, a.constant(-1), a.constant(0)), rest + select(off, safe, a.constant(0))
+        remainder = signed - quotient * safe
+        off = (remainder != 0) & ((remainder ^ safe) < 0)
+        quotient, remainder = quotient + select(off, a.constant(-1), a.constant(0)), remainder + select(off, safe, a.constant(0))
     zero = a.constant(0)
-    return select(by_zero, zero, quotient), select(by_zero, zero, rest)
+    return select(by_zero, zero, quotient), select(by_zero, zero, remainder)
 
 
 def _floor_divide_floats(a: Value, b: Value) -> tuple[Value, Value]:
     """As numpy's floor_divide and remainder: frem is exact, and the remainder has the divisor's sign."""
-    rest = a.like(a.builder.frem(a.raw, b.raw))
-    off = (rest != 0.0) & ((rest < 0.0) ^ (b < 0.0))
-    quotient = (a - rest) / b - select(off, a.constant(1.0), a.constant(0.0))
+    remainder = a.like(a.builder.frem(a.raw, b.raw))
+    off = (remainder != 0.0) & ((remainder < 0.0) ^ (b < 0.0))
+    quotient = (a - remainder) / b - select(off, a.constant(1.0), a.constant(0.0))
     rounded = quotient.call("floor")
     rounded = select(quotient - rounded > 0.5, rounded + 1.0, rounded)
-    whole = select(quotient != 0.0, rounded, (a / b).call("copysign", a / b) * 0.0)
-    rest = select(off, rest + b, rest)
-    rest = select(rest == 0.0, a.constant(0.0).call("copysign", b), rest)
-    return select(b == 0.0, a / b, whole), select(b == 0.0, a.like(a.builder.frem(a.raw, b.raw)), rest)
+    floor_quotient = select(quotient != 0.0, rounded, (a / b).call("copysign", a / b) * 0.0)
+    remainder = select(off, remainder + b, remainder)
+    remainder = select(remainder == 0.0, a.constant(0.0).call("copysign", b), remainder)
+    return select(b == 0.0, a / b, floor_quotient), select(b == 0.0, a.like(a.builder.frem(a.raw, b.raw)), remainder)

@@ -62,8 +62,8 @@ def from_memory(builder: Any, raw: Any, array: Any) -> Value:
 def to_memory(lanes: Value, array: Any) -> Any:
     """Convert lanes (or one number) to their type in memory."""
     if is_small(array):
-        whole = lanes.to("m", 32).to("u", 8) if array.dtype == types.boolean else lanes.to("i", 32).to("u", 8)
-        return whole.raw
+        byte = lanes.to("m", 32).to("u", 8) if array.dtype == types.boolean else lanes.to("i", 32).to("u", 8)
+        return byte.raw
     shape = shape_of(array.dtype)
     assert shape is not None
     return lanes.to(shape[0], shape[1]).raw
@@ -71,9 +71,9 @@ def to_memory(lanes: Value, array: Any) -> Any:
 
 def place(context: Any, builder: Any, array: Any, raw: Any, index: Any, index_type: types.Type, count: int = 1) -> Any:
     """Emit the address of a flat place, from which `count` elements are accessed (0: unknown, not checked)."""
-    made, at = make_array(array)(context, builder, value=raw), context.cast(builder, index, index_type, types.int64)
-    bounds_check.check_range(builder, made, at, count)
-    return builder.gep(made.data, [at])
+    struct, offset = make_array(array)(context, builder, value=raw), context.cast(builder, index, index_type, types.int64)
+    bounds_check.check_range(builder, struct, offset, count)
+    return builder.gep(struct.data, [offset])
 
 
 def as_vector(builder: Any, pointer: Any, element: Any, lanes: int) -> Any:
@@ -259,8 +259,8 @@ def write(typingctx, array, i, number):
     number = types.unliteral(number)
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        one = Value(builder, context.cast(builder, args[2], number, array.dtype), *shape_of(array.dtype)[:2])  # pyright: ignore
-        raw = one.raw if array.dtype == types.uint8 else to_memory(one, array)
+        scalar = Value(builder, context.cast(builder, args[2], number, array.dtype), *shape_of(array.dtype)[:2])  # pyright: ignore
+        raw = scalar.raw if array.dtype == types.uint8 else to_memory(scalar, array)
         builder.store(raw, place(context, builder, array, args[0], args[1], i))
         return context.get_dummy_value()
 
@@ -289,12 +289,12 @@ def stack_array(typingctx, dtype, count):
     array, n = types.Array(dtype.dtype, 1, "C"), count.literal_value
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        made = make_array(array)(context, builder)
+        struct = make_array(array)(context, builder)
         size = context.get_constant(types.intp, item_bytes(array))
         memory = entry_alloca(builder, context.get_data_type(array.dtype), n)
         shape = cgutils.pack_array(builder, [context.get_constant(types.intp, n)])
-        populate_array(made, memory, shape, cgutils.pack_array(builder, [size]), size, None)
-        return made._getvalue()
+        populate_array(struct, memory, shape, cgutils.pack_array(builder, [size]), size, None)
+        return struct._getvalue()
 
     return signature(array, dtype, count), generate
 

@@ -83,15 +83,15 @@ def from_integer(x: Value) -> Value:
 def call_shared(name: str, body: Callable[..., Value], *arguments: Value) -> Value:
     """Call `body` as a function emitted once in a module; LLVM inlines small ones."""
     first = arguments[0]
-    whole = f"maquette.{name}.{first.kind}{first.bits}x{first.lanes}"
+    full_name = f"maquette.{name}.{first.kind}{first.bits}x{first.lanes}"
     module = first.builder.module
-    if whole not in module.globals:
-        function = ir.Function(module, ir.FunctionType(first.raw.type, [a.raw.type for a in arguments]), whole)
+    if full_name not in module.globals:
+        function = ir.Function(module, ir.FunctionType(first.raw.type, [a.raw.type for a in arguments]), full_name)
         function.linkage = "linkonce_odr"
         function.attributes.add("nounwind")
         builder = ir.IRBuilder(function.append_basic_block("entry"))
         builder.ret(body(*(Value(builder, raw, a.kind, a.bits) for raw, a in zip(function.args, arguments, strict=True))).raw)
-    return first.like(first.builder.call(module.globals[whole], [a.raw for a in arguments]))
+    return first.like(first.builder.call(module.globals[full_name], [a.raw for a in arguments]))
 
 
 def with_library_fallback(name: str, x: Value, result: Value, rare: Value) -> Value:
@@ -103,10 +103,10 @@ def with_library_fallback(name: str, x: Value, result: Value, rare: Value) -> Va
         slow = call_shared(f"slow_{name}", lambda a: _lane_by_lane(name, a), x)
         mixed = b.select(rare.raw, slow.raw, result.raw)
         inside = b.block
-    whole = b.phi(result.raw.type)
-    whole.add_incoming(result.raw, before)
-    whole.add_incoming(mixed, inside)
-    return result.like(whole)
+    merged = b.phi(result.raw.type)
+    merged.add_incoming(result.raw, before)
+    merged.add_incoming(mixed, inside)
+    return result.like(merged)
 
 
 def _lane_by_lane(name: str, x: Value) -> Value:
@@ -115,7 +115,7 @@ def _lane_by_lane(name: str, x: Value) -> Value:
     b.function.attributes.add("noinline")
     b.function.attributes.add("cold")
     for k in range(x.lanes or 1):
-        one = Value(b, b.extract_element(x.raw, ir.Constant(I32, k)) if x.lanes else x.raw, "f", x.bits)
-        found = Value(b, call(b, f"llvm.{name}.f64", double, [one.to("f", 64).raw]), "f", 64).to("f", x.bits)
-        raw = b.insert_element(raw, found.raw, ir.Constant(I32, k)) if x.lanes else found.raw
+        lane = Value(b, b.extract_element(x.raw, ir.Constant(I32, k)) if x.lanes else x.raw, "f", x.bits)
+        number = Value(b, call(b, f"llvm.{name}.f64", double, [lane.to("f", 64).raw]), "f", 64).to("f", x.bits)
+        raw = b.insert_element(raw, number.raw, ir.Constant(I32, k)) if x.lanes else number.raw
     return x.like(raw)

@@ -83,6 +83,6 @@ class Intrinsic:
 
 def intrinsic(definition: Callable[..., Any]) -> Any:
     """Decorate the definition of an Intrinsic."""
-    made = Intrinsic(definition)
-    RECORDS.append(("intrinsic", (made,)))
-    return made
+    record = Intrinsic(definition)
+    RECORDS.append(("intrinsic", (record,)))
+    return record

@@ -69,8 +69,8 @@ def with_lane(typingctx, x, k, number):
         return None
 
     def generate(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
-        one = context.cast(builder, args[2], sig.args[2], x.scalar)
-        return builder.insert_element(args[0], one, context.cast(builder, args[1], sig.args[1], types.int64))
+        scalar = context.cast(builder, args[2], sig.args[2], x.scalar)
+        return builder.insert_element(args[0], scalar, context.cast(builder, args[1], sig.args[1], types.int64))
 
     return signature(x, x, k, number), generate
 
@@ -140,8 +140,8 @@ def transpose_blocks(builder: Any, rows: list[Any], lanes: int) -> list[Any]:
         half, places = group // 2, ([], [])
         for start in range(0, lanes, group):
             for second in (0, 1):
-                for at in range(start + second * half, start + second * half + half, size):
-                    places[second].extend([*range(at, at + size), *range(lanes + at, lanes + at + size)])
+                for run in range(start + second * half, start + second * half + half, size):
+                    places[second].extend([*range(run, run + size), *range(lanes + run, lanes + run + size)])
         return shuffle(builder, x, y, places[0]), shuffle(builder, x, y, places[1])
 
     if len(rows) == 2:

@@ -59,22 +59,22 @@ def highest(features: dict[str, bool]) -> str:
     return next((isa for isa, needed in _LEVELS if all(features.get(name) for name in needed)), "sse")
 
 
-def choose(asked: str, triple: str, features: dict[str, bool]) -> Level:
+def choose(requested: str, triple: str, features: dict[str, bool]) -> Level:
     """The level to compile for on a machine with these features: the highest, or the one asked for.
 
     Raises SettingError for an unknown name.
     """
     best = highest(features)
-    if asked not in ("", NATIVE, *BYTES):
-        raise SettingError(f"MAQUETTE_SIMD={asked} is not an instruction set; choose from: {', '.join(BYTES)}, {NATIVE}")
+    if requested not in ("", NATIVE, *BYTES):
+        raise SettingError(f"MAQUETTE_SIMD={requested} is not an instruction set; choose from: {', '.join(BYTES)}, {NATIVE}")
     x86 = triple.startswith("x86_64")
-    if asked == NATIVE or not (x86 or triple.startswith("aarch64")):
+    if requested == NATIVE or not (x86 or triple.startswith("aarch64")):
         text = ",".join(f"{'+' if on else '-'}{name}" for name, on in sorted(features.items()))
         fma = bool(features.get("fma")) or ("neon" in features and not x86)
-        return Level(best if asked in ("", NATIVE) else asked, llvm.get_host_cpu_name(), text, fma)
+        return Level(best if requested in ("", NATIVE) else requested, llvm.get_host_cpu_name(), text, fma)
     if not x86:
-        return Level(asked or best, "generic", "+neon", True)
-    level = X86_LEVELS[asked or best]
+        return Level(requested or best, "generic", "+neon", True)
+    level = X86_LEVELS[requested or best]
     return level if level.isa in ("avx512", "avx2") or all(features.get(name) for name in _V2) else level._replace(cpu="x86-64")
 
 

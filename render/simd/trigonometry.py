@@ -37,7 +37,7 @@ _COS_64 = (
 
 
 def reduce_angle(x: Value) -> tuple[Value, Value, Value]:
-    """(r, rest, quadrant): x = quadrant · π/2 + r + rest with |r| ≤ π/4."""
+    """(r, tail, quadrant): x = quadrant · π/2 + r + tail with |r| ≤ π/4."""
     if x.bits == 32:
         return _reduce_angle_32(x)
     k = (x * (2.0 / math.pi)).call("nearbyint")
@@ -45,9 +45,9 @@ def reduce_angle(x: Value) -> tuple[Value, Value, Value]:
     r = x - k * first
     r, lost = two_sum(r, -(k * second))
     r, lost_too = two_sum(r, -(k * third))
-    rest = (lost + lost_too) - k * last
-    head = r + rest
-    return head, (r - head) + rest, to_integer(k)
+    tail = (lost + lost_too) - k * last
+    head = r + tail
+    return head, (r - head) + tail, to_integer(k)
 
 
 def _reduce_angle_32(x: Value) -> tuple[Value, Value, Value]:
@@ -55,10 +55,10 @@ def _reduce_angle_32(x: Value) -> tuple[Value, Value, Value]:
     if target.FMA:
         k = (x * (2.0 / math.pi)).call("nearbyint")
         t = fma(k, first, x)  # exact
-        product, product_rest = two_product(k, second)
+        product, product_tail = two_product(k, second)
         r, lost = two_sum(t, product)
-        head, rest = fast_two_sum(r, fma(k, third, lost + product_rest))
-        return head, rest, to_integer(k)
+        head, tail = fast_two_sum(r, fma(k, third, lost + product_tail))
+        return head, tail, to_integer(k)
     wide = x.to("f", 64)
     k = (wide * (2.0 / math.pi)).call("nearbyint")
     precise = (wide - k * _PARTS_64[0]) - k * _PARTS_64[1]
@@ -66,23 +66,23 @@ def _reduce_angle_32(x: Value) -> tuple[Value, Value, Value]:
     return r, (precise - r.to("f", 64)).to("f", 32), to_integer(k).to("i", 32)
 
 
-def sin_of_small(r: Value, rest: Value) -> Value:
+def sin_of_small(r: Value, tail: Value) -> Value:
     """For |r| ≤ π/4."""
     z = r * r
     if r.bits == 32:
-        return r + fma(polynomial(z, _SIN_32) * z, r, rest)
+        return r + fma(polynomial(z, _SIN_32) * z, r, tail)
     v = z * r
-    return r - ((z * (0.5 * rest - v * polynomial(z, _SIN_64)) - rest) - v * _SIN_64_FIRST)
+    return r - ((z * (0.5 * tail - v * polynomial(z, _SIN_64)) - tail) - v * _SIN_64_FIRST)
 
 
-def cos_of_small(r: Value, rest: Value) -> Value:
+def cos_of_small(r: Value, tail: Value) -> Value:
     """For |r| ≤ π/4."""
     z = r * r
     half = 0.5 * z
     w = 1.0 - half
     if r.bits == 32:
-        return w + (((1.0 - w) - half) + (polynomial(z, _COS_32) * z * z - r * rest))
-    return w + (((1.0 - w) - half) + (z * (z * polynomial(z, _COS_64)) - r * rest))
+        return w + (((1.0 - w) - half) + (polynomial(z, _COS_32) * z * z - r * tail))
+    return w + (((1.0 - w) - half) + (z * (z * polynomial(z, _COS_64)) - r * tail))
 
 
 def _flip_sign(x: Value, flip: Value) -> Value:
@@ -97,21 +97,21 @@ def is_far(x: Value) -> Value:
 
 def sincos(x: Value) -> tuple[Value, Value]:
     """Sine and cosine from one reduction."""
-    r, rest, q = reduce_angle(x)
-    s, c, odd = sin_of_small(r, rest), cos_of_small(r, rest), (q & 1) != 0
+    r, tail, q = reduce_angle(x)
+    s, c, odd = sin_of_small(r, tail), cos_of_small(r, tail), (q & 1) != 0
     sine = select(x == 0.0, x, _flip_sign(select(odd, c, s), q & 2))  # −0 too
     return sine, _flip_sign(select(odd, s, c), (q + 1) & 2)
 
 
 def tan(x: Value) -> Value:
-    r, rest, q = reduce_angle(x)
+    r, tail, q = reduce_angle(x)
     odd = (q & 1) != 0
     if x.bits == 32:
         z = r * r
-        t = r + fma(polynomial(z, _TAN_32) * z, r, fma(rest, z, rest))
+        t = r + fma(polynomial(z, _TAN_32) * z, r, fma(tail, z, tail))
         above, below = select(odd, t.constant(-1.0), t), select(odd, t, t.constant(1.0))
     else:
-        s, c = sin_of_small(r, rest), cos_of_small(r, rest)
+        s, c = sin_of_small(r, tail), cos_of_small(r, tail)
         above, below = select(odd, -c, s), select(odd, s, c)
     return select(x == 0.0, x, above / below)
 
@@ -146,11 +146,11 @@ def acos(x: Value) -> Value:
     big = a > 0.5
     z = select(big, 0.5 * (1.0 - a), a * a)
     s = select(big, z.call("sqrt"), x)
-    found = fma(s, _asin_series(z), s)
+    result = fma(s, _asin_series(z), s)
     quarter, low = _HALF_PI[x.bits]
-    middle = quarter - (found - low)
-    beyond = 2.0 * (quarter - (found - low))
-    return select(big, select(x < 0.0, beyond, 2.0 * found), middle)
+    middle = quarter - (result - low)
+    beyond = 2.0 * (quarter - (result - low))
+    return select(big, select(x < 0.0, beyond, 2.0 * result), middle)
 
 
 _HALF_PI = {32: (1.57079637050628662109375, -4.37113900018624283e-8), 64: (math.pi / 2, PI_LOW / 2)}
@@ -194,18 +194,20 @@ def atan2(y: Value, x: Value) -> Value:
     infinite = (ax == math.inf) & (ay == math.inf)
     above, below = select(infinite, x.constant(1.0), minimum(ax, ay)), select(infinite, x.constant(1.0), maximum(ax, ay))
     below = select(below == 0.0, x.constant(1.0), below)
-    found = _atan_fraction(above, below)
+    result = _atan_fraction(above, below)
     quarter, low = _HALF_PI[x.bits]
-    found = select(ay > ax, quarter - (found - low), found)
+    result = select(ay > ax, quarter - (result - low), result)
     negative = x.bitcast("i") < 0  # −0 too
-    found = select(negative, 2.0 * quarter - (found - 2.0 * low), found)
-    return select((x == x) & (y == y), found, x + y).call("copysign", y)
+    result = select(negative, 2.0 * quarter - (result - 2.0 * low), result)
+    return select((x == x) & (y == y), result, x + y).call("copysign", y)
 
 
 def atan(x: Value) -> Value:
     a = abs(x)
-    one = x.constant(1.0)
+    unit = x.constant(1.0)
     steep = a > 1.0
-    found = _atan_fraction(select(steep, select(a == math.inf, x.constant(0.0), one), a), select(steep, select(a == math.inf, one, a), one))
+    result = _atan_fraction(
+        select(steep, select(a == math.inf, x.constant(0.0), unit), a), select(steep, select(a == math.inf, unit, a), unit)
+    )
     quarter, low = _HALF_PI[x.bits]
-    return select(x == x, select(steep, quarter - (found - low), found), x).call("copysign", x)
+    return select(x == x, select(steep, quarter - (result - low), result), x).call("copysign", x)

@@ -62,19 +62,19 @@ def _gather(context: Any, builder: Any, sig: Signature, args: Any) -> Any:
     kinds = _indices(array, index)
     assert kinds is not None
     raw = cgutils.unpack_tuple(builder, args[1], len(kinds)) if isinstance(index, types.BaseTuple) else [args[1]]
-    whole = make_array(array)(context, builder, value=args[0])
-    sizes = cgutils.unpack_tuple(builder, whole.shape, array.ndim)
+    struct = make_array(array)(context, builder, value=args[0])
+    sizes = cgutils.unpack_tuple(builder, struct.shape, array.ndim)
     # Scalar indices move the base address; only the vector indices are computed in lanes.
     base, lanes, step = ir.Constant(ir.IntType(64), 0), None, ir.Constant(ir.IntType(64), 1)
-    for kind, one, size in reversed(list(zip(kinds, raw, sizes, strict=True))):
+    for kind, raw_index, size in reversed(list(zip(kinds, raw, sizes, strict=True))):
         if isinstance(kind, Vector):
-            part = value(builder, one, kind)
+            part = value(builder, raw_index, kind)
             bounds_check.check_lanes(builder, size, part)
             part = part * Value(builder, step, "i", 64).to(part.kind, part.bits).splat(part.lanes)
             lanes = part if lanes is None else lanes + part
         else:
-            base = builder.add(base, builder.mul(context.cast(builder, one, kind, types.int64), step))
+            base = builder.add(base, builder.mul(context.cast(builder, raw_index, kind, types.int64), step))
         step = builder.mul(step, size)
     assert lanes is not None
-    found = emit_gather(context, builder, array, builder.gep(whole.data, [base]), lanes)
-    return found.to(result.kind, result.bits).raw
+    elements = emit_gather(context, builder, array, builder.gep(struct.data, [base]), lanes)
+    return elements.to(result.kind, result.bits).raw

@@ -98,16 +98,16 @@ def promote(a: types.Type, b: types.Type) -> Vector | None:
 
 def common_type(typingctx: Any, *kinds: types.Type) -> Any:
     """Common type of operands, vectors or scalars; None if there is none."""
-    whole = types.unliteral(kinds[0])
+    common = types.unliteral(kinds[0])
     for kind in kinds[1:]:
         kind = types.unliteral(kind)
-        if whole is None:
+        if common is None:
             return None
-        if isinstance(whole, Vector) or isinstance(kind, Vector):
-            whole = promote(whole, kind)
+        if isinstance(common, Vector) or isinstance(kind, Vector):
+            common = promote(common, kind)
         else:
-            whole = typingctx.unify_types(whole, kind)
-    return whole
+            common = typingctx.unify_types(common, kind)
+    return common
 
 
 def value(builder: Any, raw: Any, kind: types.Type) -> Value:
@@ -140,11 +140,11 @@ def lower(sig: Signature, emit: Callable[..., Any]) -> Lowering:
 
 def lower_uniform(kinds: str, emit: Callable[..., Any], context: Any, *args: types.Type) -> Lowering:
     """Lower a function whose operands and result have the operands' common type; None unless that is of one of `kinds`."""
-    whole = common_type(context, *args)
-    shape = whole and shape_of(whole)
+    common = common_type(context, *args)
+    shape = common and shape_of(common)
     if not shape or shape[0] not in kinds or (shape[0] != "m" and shape[1] < 32):
         return None
-    return lower(signature(whole, *[whole] * len(args)), emit)
+    return lower(signature(common, *[common] * len(args)), emit)
 
 
 @lower_cast(Vector, Vector)
@@ -158,7 +158,7 @@ def _from_scalar(context: Any, builder: Any, source: types.Type, target: Vector,
     if isinstance(source, types.Literal):
         source = source.literal_type
     if target.kind == "m":
-        one = context.cast(builder, raw, source, types.boolean)
+        scalar = context.cast(builder, raw, source, types.boolean)
     else:
-        one = context.cast(builder, raw, source, target.scalar)
-    return Value(builder, one, target.kind, target.bits).splat(target.lanes).raw
+        scalar = context.cast(builder, raw, source, target.scalar)
+    return Value(builder, scalar, target.kind, target.bits).splat(target.lanes).raw

@@ -154,9 +154,9 @@ class Cluster:
         """Let the dispatcher work: its processor time passes in the simulation too."""
         began = time.process_time()
         work()
-        taken = time.process_time() - began
-        self.pace += taken
-        self._clock.now += taken
+        cpu_seconds = time.process_time() - began
+        self.pace += cpu_seconds
+        self._clock.now += cpu_seconds
 
 
 class Outcome(NamedTuple):

@@ -103,8 +103,8 @@ class Times:
     first: Seconds
     runs: tuple[Seconds, ...]
 
-    def spread(self, of: str = "cpu") -> Spread:
-        return Spread.from_values([getattr(run, of) for run in self.runs])
+    def spread(self, measure: str = "cpu") -> Spread:
+        return Spread.from_values([getattr(run, measure) for run in self.runs])
 
     def compile(self) -> float:
         """CPU seconds of the first run beyond the median; 0 if that is noise."""
@@ -123,10 +123,10 @@ class Result:
     def times_of(self, name: str) -> Times:
         return next(t for t in self.times if t.contender.name == name)
 
-    def ratio(self, name: str, of: str = "cpu") -> float:
+    def ratio(self, name: str, measure: str = "cpu") -> float:
         """The time of `name` over that of maquette: the median over rounds."""
         pairs = zip(self.times_of(name).runs, self.times_of(OURS).runs, strict=True)
-        return statistics.median(getattr(theirs, of) / max(getattr(ours, of), 1e-9) for theirs, ours in pairs)
+        return statistics.median(getattr(theirs, measure) / max(getattr(ours, measure), 1e-9) for theirs, ours in pairs)
 
 
 @dataclass(frozen=True, slots=True)

@@ -200,9 +200,9 @@ def haze(folder: Path, _quick: bool = False) -> Setting:
     panes = ("[[3, 0, -3], [3, 0, 3], [3, 1, 3], [3, 1, -3]]", "[[3, 2, -3], [3, 2, 3], [3, 3, 3], [3, 3, -3]]",
              "[[3, 1, 0.5], [3, 1, 3], [3, 2, 3], [3, 2, 0.5]]", "[[3, 1, -3], [3, 1, -1], [3, 2, -1], [3, 2, -3]]")  # fmt: skip
     walls = "\n".join(f"polygon({corners}, material: lambert(rgb(0.25, 0.4, 0.6)))" for corners in panes)
-    kept = "\n".join(line for line in ROOM.splitlines() if not line.startswith(wall))
+    room_lines = "\n".join(line for line in ROOM.splitlines() if not line.startswith(wall))
     air = "box([5.98, 2.98, 5.98], center: [0, 1.5, 0], medium: medium(scattering: 0.15, absorption: 0.01))"
-    text = f"{kept}\n{walls}\n{air}\ndirectional(from: [2, 1.2, 0.3], irradiance: 40)\n"
+    text = f"{room_lines}\n{walls}\n{air}\ndirectional(from: [2, 1.2, 0.3], irradiance: 40)\n"
     inside = r'(<sensor type="perspective">)(.*?)(<medium type="homogeneous" name="interior">.*?</medium>)'
     setting = _setting(folder, "haze", "A hazy room with the sun through a window", text, 66, ((inside, r'\1\n\3\2\3'), _OUTSIDE))
     return _with_media(setting, folder, {"box": {"scattering": [0.15] * 3, "absorption": [0.01] * 3, "phase": 0.0}})

@@ -387,14 +387,14 @@ def adaptive_table(
     """Table of CPU time with a requested error, where sampling is adaptive, beside the times of others at equal error."""
     rows = []
     peers = [name for name in curves if name != OURS]
-    for wanted in (0.3, 0.2, 0.1, 0.05):
-        if wanted < min((error for _, error in curves[OURS]), default=1.0):
+    for target_error in (0.3, 0.2, 0.1, 0.05):
+        if target_error < min((error for _, error in curves[OURS]), default=1.0):
             break  # outside of the measured range
         pictures: list[Picture] = []
-        times = measure(Case("", [_contender(side, size, 0, effort, pictures, wanted)], lambda _: ""), effort).times[0]
+        times = measure(Case("", [_contender(side, size, 0, effort, pictures, target_error)], lambda _: ""), effort).times[0]
         error, took = float(np.median([references[OURS].errors(picture)[0] for picture in pictures])), times.spread().median
         longer = [time_to(error, curves[name]) for name in peers]
-        cells = [f"{wanted:.0%}", f"{error:.2%}", f"{took * 1e3:.3g}"]
+        cells = [f"{target_error:.0%}", f"{error:.2%}", f"{took * 1e3:.3g}"]
         for theirs in longer:
             cells += [f"{theirs * 1e3:.3g}", f"{theirs / took:.2f}"] if theirs else ["", ""]
         rows.append(tuple(cells))

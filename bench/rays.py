@@ -34,11 +34,11 @@ def closest(rays: Rays, accel: Handle) -> Callable[[], tuple[NDArray[np.float32]
     """A callable that returns distance (inf: no hit), triangle and instance (-1: none) of each ray's first hit."""
     n = len(rays.limit)
     (t, u, v), (triangle, instance) = np.zeros((3, n), np.float32), np.zeros((2, n), np.int32)
-    met: Any = traced.Hits(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, like Embree's
+    hits: Any = traced.Hits(*(t, instance, triangle, u, v))  # pyright: ignore  # narrower than the renderer's own, like Embree's
     start = np.zeros(n, np.float32)
 
     def run() -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-        traced.trace_closest(accel, rays.origin, rays.direction, start, rays.limit, traced.CAMERA, met)
+        traced.trace_closest(accel, rays.origin, rays.direction, start, rays.limit, traced.CAMERA, hits)
         return t, triangle, instance
 
     return run

@@ -25,9 +25,9 @@ def open_stage(path: str) -> Any:
     bpy.context.scene.world = bpy.data.worlds.new("world")
     bpy.ops.wm.usd_import(filepath=path)
     scene = bpy.context.scene
-    for light in (thing.data for thing in scene.objects if thing.type == "LIGHT" and thing.data.type == "SUN"):
+    for light in (item.data for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"):
         light.energy /= SUN
-    scene.camera = next(thing for thing in scene.objects if thing.type == "CAMERA")
+    scene.camera = next(item for item in scene.objects if item.type == "CAMERA")
     scene.render.engine = "CYCLES"
     scene.render.threads_mode, scene.render.threads = "FIXED", 1
     scene.render.use_persistent_data = True
@@ -44,7 +44,7 @@ def fill(scene: Any, media: dict[str, dict[str, Any]]) -> None:
     """Replace the materials of objects by media without a surface. Lights of such scenes are seen."""
     import bpy  # pyright: ignore[reportMissingImports]
 
-    for light in (thing for thing in scene.objects if media and thing.type == "LIGHT"):
+    for light in (item for item in scene.objects if media and item.type == "LIGHT"):
         light.visible_camera = True
     for name, medium in media.items():
         material = bpy.data.materials.new(name)

@@ -118,9 +118,9 @@ def shift_lens(scene: ir.Scene, view: View, x: float, y: float) -> ir.Scene:
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Approximations, as (message, table, row)."""
-    count, found = min(RASTER_MOMENTS, plan["samples"]), []
+    count, messages = min(RASTER_MOMENTS, plan["samples"]), []
     if plan["motion_blur"]:
-        found.append((f"raster draws motion at {count} moments", "cameras", plan["camera"]))
+        messages.append((f"raster draws motion at {count} moments", "cameras", plan["camera"]))
     if plan["lens"] == "thin":
-        found.append((f"raster draws depth of field from {count} points of the lens", "cameras", plan["camera"]))
-    return found
+        messages.append((f"raster draws depth of field from {count} points of the lens", "cameras", plan["camera"]))
+    return messages

@@ -24,10 +24,10 @@ def around(tables: ir.Tables, camera: int) -> tuple[int, ...]:
 
 def around_place(tables: ir.Tables, bounds_medium: np.ndarray, eye: np.ndarray) -> tuple[int, ...]:
     """The materials of the shapes around a point, the outermost first, of those materials (n,) that bound media."""
-    kept = ir.Instances(*(column[bounds_medium[tables.instances.material]] for column in tables.instances))
-    if not len(kept.geometry):
+    bounding = ir.Instances(*(column[bounds_medium[tables.instances.material]] for column in tables.instances))
+    if not len(bounding.geometry):
         return ()
-    tables = tables._replace(instances=kept)
+    tables = tables._replace(instances=bounding)
     way = np.array(WAY) / np.linalg.norm(WAY)
     ones = np.ones(1)
     origin, direction = tuple(ones * x for x in eye), tuple(ones * x for x in way)
@@ -38,7 +38,7 @@ def around_place(tables: ir.Tables, bounds_medium: np.ndarray, eye: np.ndarray) 
         if hit.instance[0] < 0:
             break
         point = interaction.make_interaction(tables, ray, hit)
-        material = int(kept.material[hit.instance[0]])
+        material = int(bounding.material[hit.instance[0]])
         if bool(point.front[0]):
             entered[material] += 1
         elif entered[material]:

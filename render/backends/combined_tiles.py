@@ -85,16 +85,16 @@ def link(
     """
 
     def memory(*_: Any) -> Handle:
-        kept = [_memory(drawing.memory, samples) for drawing in (drawings[:1] if shares else drawings)]
-        kept *= len(drawings) // len(kept)
+        memories = [_memory(drawing.memory, samples) for drawing in (drawings[:1] if shares else drawings)]
+        memories *= len(drawings) // len(memories)
         film = Film(np.zeros((side, side, 3)), np.zeros((side, side)), np.zeros((side, side), np.int64))
-        addresses = np.array([each.address for each in kept], np.int64)
-        made = ThreadMemory(PartMemory(addresses, film, np.zeros((side, side), np.int64), np.ones((side, side), np.int64)))
-        made.kept = kept
-        return made
+        addresses = np.array([each.address for each in memories], np.int64)
+        thread_memory = ThreadMemory(PartMemory(addresses, film, np.zeros((side, side), np.int64), np.ones((side, side), np.int64)))
+        thread_memory.kept = memories
+        return thread_memory
 
-    made = TileKernel.link(function, [Handle(scene)], memory, memory().type)
-    return made._replace(kept=(made.kept, drawings))
+    kernel = TileKernel.link(function, [Handle(scene)], memory, memory().type)
+    return kernel._replace(kept=(kernel.kept, drawings))
 
 
 def _memory(allocate: Callable[..., Handle], samples: int | None) -> Handle:
@@ -105,20 +105,20 @@ def _memory(allocate: Callable[..., Handle], samples: int | None) -> Handle:
 def draw_groups(scene, tile, first, count, total, film, memory):
     """Add samples to the film of a tile, and the light of each group to its sums; see light_groups.Renderer.sample."""
     rows, columns = tile.y1 - tile.y0, tile.x1 - tile.x0
-    own = Film(memory.film.color, memory.film.alpha, memory.film.issues)
+    part_film = Film(memory.film.color, memory.film.alpha, memory.film.issues)
     for k in range(len(scene.parts.kernels)):
-        clear(own, rows, columns)
-        _draw_part(scene.parts, memory, k, (tile, first, count, total, own))
+        clear(part_film, rows, columns)
+        _draw_part(scene.parts, memory, k, (tile, first, count, total, part_film))
         for y in range(rows):
             for x in range(columns):
-                at = (tile.y0 - scene.top + y) * scene.width + tile.x0 - scene.left + x
+                pixel = (tile.y0 - scene.top + y) * scene.width + tile.x0 - scene.left + x
                 for c in range(3):
-                    scene.light[scene.begin[k] + at, c] += own.color[y, x, c]
-                    film.color[y, x, c] += own.color[y, x, c]
-                film.issues[y, x] += own.issues[y, x]
+                    scene.light[scene.begin[k] + pixel, c] += part_film.color[y, x, c]
+                    film.color[y, x, c] += part_film.color[y, x, c]
+                film.issues[y, x] += part_film.issues[y, x]
                 if k == 0:
-                    film.alpha[y, x] += own.alpha[y, x]
-                    scene.samples[at] += count[y, x]
+                    film.alpha[y, x] += part_film.alpha[y, x]
+                    scene.samples[pixel] += count[y, x]
 
 
 @kernel
@@ -132,13 +132,13 @@ def draw_moments(scene, tile, first, count, total, film, memory):
 
 
 @helper
-def _draw_part(parts: Any, memory: Any, k: int, given: tuple[Tile, Any, Any, int, Film]) -> None:
+def _draw_part(parts: Any, memory: Any, k: int, arguments: tuple[Tile, Any, Any, int, Film]) -> None:
     """Call the kernel of part k with its inputs, (tile, first, count, total, film) and its memory."""
     a, b, c, d = parts.inputs[k, 0], parts.inputs[k, 1], parts.inputs[k, 2], parts.inputs[k, 3]
     last = memory.parts[k]
     if parts.count == 1:
-        _call(parts.kernels[k], (a,) + given + (last,))
+        _call(parts.kernels[k], (a,) + arguments + (last,))
     elif parts.count == 3:
-        _call(parts.kernels[k], (a, b, c) + given + (last,))
+        _call(parts.kernels[k], (a, b, c) + arguments + (last,))
     else:
-        _call(parts.kernels[k], (a, b, c, d) + given + (last,))
+        _call(parts.kernels[k], (a, b, c, d) + arguments + (last,))

@@ -50,9 +50,9 @@ def describe(scene: ir.Scene, plan: Plan) -> tuple[str, str]:
 
 def choose_renderer(scene: ir.Scene, plan: Plan, view: View) -> Any:
     """The renderer of a picture. Raises SettingError for a value of MAQUETTE_KERNELS that is not in CHOICES."""
-    asked = environment.read_choice(VARIABLE, CHOICES)
-    if plan["backend"] == "reference" or asked != "auto":
-        return make_renderer(scene, plan, view, asked == "general" and plan["backend"] != "reference")
+    choice = environment.read_choice(VARIABLE, CHOICES)
+    if plan["backend"] == "reference" or choice != "auto":
+        return make_renderer(scene, plan, view, choice == "general" and plan["backend"] != "reference")
     for general in (False, True):
         with contextlib.suppress(kernel_cache.NotCompiled), kernel_cache.compiled_only():
             return make_renderer(scene, plan, view, general)

@@ -37,12 +37,12 @@ def learn(
     low, high, _ = sky_visibility.find_room(tables, frame.picture.camera)
     size = high - low
     count = np.clip(np.round(size / (np.prod(size) / PLACES) ** (1.0 / 3.0)), 1, 16).astype(int)
-    at = np.meshgrid(*(low[k] + (np.arange(count[k]) + 0.5) / count[k] * size[k] for k in range(3)), indexing="ij")
-    places = np.stack([axis.ravel() for axis in at], axis=1)
+    axes = np.meshgrid(*(low[k] + (np.arange(count[k]) + 0.5) / count[k] * size[k] for k in range(3)), indexing="ij")
+    places = np.stack([axis.ravel() for axis in axes], axis=1)
     seen = _draw(accel, Handle(_seen_from(places, scene)), frame, len(places), kind, threads, reuses)
     light = _luminance(tables)
-    given, all_of_it = (np.sum(some * np.sin(np.pi * (np.arange(HEIGHT) + 0.5) / HEIGHT)[:, None]) for some in (seen * light, light))
-    share = float(given / max(all_of_it * max(seen.any(axis=(1, 2)).sum(), 1), 1e-30))
+    seen_light, all_of_it = (np.sum(some * np.sin(np.pi * (np.arange(HEIGHT) + 0.5) / HEIGHT)[:, None]) for some in (seen * light, light))
+    share = float(seen_light / max(all_of_it * max(seen.any(axis=(1, 2)).sum(), 1), 1e-30))
     return sky_openings.make(low, high, _by_cell(low, high, places, seen * light), SHARE, share)
 
 
@@ -69,7 +69,7 @@ def _by_cell(
     weight = np.repeat(np.cos(np.pi * (0.5 - (np.arange(HEIGHT) + 0.5) / HEIGHT)), WIDTH)
     cells = FACES * SIDE * SIDE
     passed, shot = np.zeros(cells), np.full(cells, 1e-30)
-    for place, given in zip(places[lit], light[lit], strict=True):
+    for place, place_light in zip(places[lit], light[lit], strict=True):
         reach = (np.where(towards > 0.0, high, low) - place) / np.where(towards == 0.0, 1e-20, towards)
         axis = np.argmin(reach, axis=1)
         point = np.clip((place + reach.min(axis=1)[:, None] * towards - low) / (high - low), 0.0, 1.0 - 1e-9)
@@ -78,7 +78,7 @@ def _by_cell(
         r, c = (point[row, (axis + 1) % 3] * SIDE).astype(int), (point[row, (axis + 2) % 3] * SIDE).astype(int)
         cell = (face * SIDE + r) * SIDE + c
         shot += np.bincount(cell, weight, cells)
-        passed += np.bincount(cell, weight * given.ravel(), cells)
+        passed += np.bincount(cell, weight * place_light.ravel(), cells)
     size = high - low
     areas = np.repeat([size[1] * size[2], size[2] * size[0], size[0] * size[1]], 2)
     return _widened((passed / shot).reshape(FACES, SIDE, SIDE) * areas[:, None, None]).reshape(FACES * SIDE, SIDE)
@@ -98,12 +98,12 @@ def _seen_from(places: NDArray[np.float64], scene: WaveScene) -> WaveScene:
     matrix, inverse = np.repeat(np.eye(3, 4)[None], n, axis=0), np.repeat(np.eye(3, 4)[None], n, axis=0)
     matrix[:, :, 3], inverse[:, :, 3] = places, -places
     added = {"matrix": matrix, "inverse": inverse, "flips": np.zeros(n, bool), "first_key": np.full(n, -1), "keys": np.zeros(n)}
-    made = {name: np.repeat(column[:1], n, axis=0) for name, column in cameras._asdict().items()}
-    made |= {"projection": np.full(n, camera.PANORAMIC), "transform": len(old.matrix) + np.arange(n)}
-    made |= {"near": np.zeros(n), "far": np.full(n, np.inf), "shift": np.zeros((n, 2))}
+    columns = {name: np.repeat(column[:1], n, axis=0) for name, column in cameras._asdict().items()}
+    columns |= {"projection": np.full(n, camera.PANORAMIC), "transform": len(old.matrix) + np.arange(n)}
+    columns |= {"near": np.zeros(n), "far": np.full(n, np.inf), "shift": np.zeros((n, 2))}
     joined = {name: np.concatenate([column, added[name].astype(column.dtype)]) for name, column in old._asdict().items()}
     transforms = type(old)(*(np.ascontiguousarray(column) for column in joined.values()))
-    cameras = type(cameras)(*(np.ascontiguousarray(made[name], column.dtype) for name, column in cameras._asdict().items()))
+    cameras = type(cameras)(*(np.ascontiguousarray(columns[name], column.dtype) for name, column in cameras._asdict().items()))
     return scene._replace(tables=tables._replace(transforms=transforms, cameras=cameras))
 
 
@@ -120,11 +120,11 @@ def _draw(
     def draw(place: int) -> None:
         seed = int(np.random.default_rng([SEED, options.seed & 0xFFFFFFFF, place]).integers(1 << 31))
         view, lens = View(place, WIDTH, HEIGHT), Lens(camera.PANORAMA, planes=unclipped)
-        made = Handle(frame._replace(picture=view, options=options._replace(seed=seed), order=-1, lens=lens))
+        packed_frame = Handle(frame._replace(picture=view, options=options._replace(seed=seed), order=-1, lens=lens))
         film = Film(np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH)), np.zeros((HEIGHT, WIDTH), np.int64))
         if not hasattr(local, "memory"):
             local.memory = Handle(wave_memory.WaveMemory.of(kind, reuses))
-        drawn(accel, packed, made, Tile(0, 0, WIDTH, HEIGHT), first, count, 1, film, local.memory)
+        drawn(accel, packed, packed_frame, Tile(0, 0, WIDTH, HEIGHT), first, count, 1, film, local.memory)
         seen[place] = np.clip(1.0 - film.alpha, 0.0, 1.0)
 
     thread_pool.parallel_for(draw, range(places), threads)

@@ -38,8 +38,8 @@ class Sums:
         """Add the light of `count` samples of each pixel of a tile, (h, w, 3) of each group."""
         window = slice(tile.y0 - self.y0, tile.y1 - self.y0), slice(tile.x0 - self.x0, tile.x1 - self.x0)
         self.count[window] += count
-        for name, own in light.items():
-            self.light[name][window] += own
+        for name, group_light in light.items():
+            self.light[name][window] += group_light
 
     def put(self, image: Image) -> None:
         """Write the groups' channels of a picture, and their sum to its `rgba`."""
@@ -59,17 +59,22 @@ class Renderer:
     whole = None
 
     def __init__(self, scene: ir.Scene, plan: Plan, make: Make) -> None:
-        of = groups_of(scene, plan)
+        groups = groups_of(scene, plan)
         chosen = channels.light_groups(plan)
-        named = [name for name in of if name in chosen]
-        others = {name for name in of if name not in chosen}
+        named = [name for name in groups if name in chosen]
+        others = {name for name in groups if name not in chosen}
         parts = [(name, {name}) for name in named] + ([("", others)] if others else [])
         self.parts = [(name, make(*isolate_groups(scene, plan, names))) for name, names in parts]
         self.sums = Sums(plan)
         if not self.parts:
             self.parts = [("", make(scene, plan))]
-        one = self.parts[0][1]
-        self.by_tile, self.cell, self.side, self.prepared = one.by_tile, one.cell, one.side, getattr(one, "prepared", None)
+        renderer = self.parts[0][1]
+        self.by_tile, self.cell, self.side, self.prepared = (
+            renderer.by_tile,
+            renderer.cell,
+            renderer.side,
+            getattr(renderer, "prepared", None),
+        )
 
     @property
     def tile_kernel(self) -> TileKernel | None:
@@ -127,13 +132,13 @@ class Renderer:
         """Add samples to the film; return the light of each group, (h, w, 3)."""
         light: dict[str, NDArray[np.float64]] = {}
         for k, (name, renderer) in enumerate(self.parts):
-            own = Film(np.zeros_like(film.color), np.zeros_like(film.alpha), np.zeros_like(film.issues))
-            renderer.sample(tile, first, count, total, own)
-            light[name] = own.color
-            film.color[...] += own.color
-            film.issues[...] += own.issues
+            part_film = Film(np.zeros_like(film.color), np.zeros_like(film.alpha), np.zeros_like(film.issues))
+            renderer.sample(tile, first, count, total, part_film)
+            light[name] = part_film.color
+            film.color[...] += part_film.color
+            film.issues[...] += part_film.issues
             if k == 0:
-                film.alpha[...] += own.alpha
+                film.alpha[...] += part_film.alpha
         return light
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:
@@ -194,7 +199,7 @@ def _without_emission(tables: ir.Tables, rows: Sequence[int] | NDArray[np.intp])
     start = len(tables.materials.model)
     columns["values"][start:, ir.Slot.EMISSION] = 0.0
     for k, row in enumerate(used.tolist()):
-        here = np.zeros(len(material), bool)
-        here[rows] = True
-        material[here & (material == row)] = start + k
+        chosen = np.zeros(len(material), bool)
+        chosen[rows] = True
+        material[chosen & (material == row)] = start + k
     return ir.table_of("materials", columns), material

@@ -37,16 +37,16 @@ def measure(accel: Handle, scene: Any, frame: Frame, tracer: Tracer, kind: type,
     unchanged = Handle(small._replace(picture=frame.picture))
     tracer.widen(unchanged)
     lit = [scene._replace(light=scene.light._replace(photons=tracer.pilot(k, unchanged))) for k in range(2)]
-    one, other = (_draw(accel, each, small, kind, threads, reuses) for each in lit)
-    mean = one.mean(axis=0), other.mean(axis=0)
+    first, second = (_draw(accel, each, small, kind, threads, reuses) for each in lit)
+    mean = first.mean(axis=0), second.mean(axis=0)
     light = np.maximum(0.5 * (mean[0] + mean[1]), 0.0)
     scale = np.square(light) + np.square(DARK * light.mean()) + 1e-300
-    of_photons = _mean(0.5 * np.square(one - other).mean(axis=0) / scale)
-    of_paths = _mean(((one - mean[0]) * (other - mean[1])).sum(axis=0) / (SAMPLES - 1) / scale)
+    of_photons = _mean(0.5 * np.square(first - second).mean(axis=0) / scale)
+    of_paths = _mean(((first - mean[0]) * (second - mean[1])).sum(axis=0) / (SAMPLES - 1) / scale)
     pixels = frame.picture.width * frame.picture.height
-    found = EQUAL_FACTOR * of_photons / max(of_paths, 1e-3 * of_photons, 1e-300) * (pixels / 2**15) ** (-1.0 / 3.0)
+    factor = EQUAL_FACTOR * of_photons / max(of_paths, 1e-3 * of_photons, 1e-300) * (pixels / 2**15) ** (-1.0 / 3.0)
     # Steps, so that the rounding errors of another processor do not change the number of photons.
-    return float(np.clip(2.0 ** (round(2.0 * math.log2(max(found, LEAST))) / 2.0), LEAST, MOST))
+    return float(np.clip(2.0 ** (round(2.0 * math.log2(max(factor, LEAST))) / 2.0), LEAST, MOST))
 
 
 def _mean(relative: NDArray[np.float64]) -> float:
@@ -63,7 +63,7 @@ def _frame(frame: Frame) -> Frame:
 def _draw(accel: Handle, scene: Any, frame: Frame, kind: type, threads: int, reuses: bool) -> NDArray[np.float64]:
     """(SAMPLES, height, width) brightness of single samples."""
     height, width = frame.picture.height, frame.picture.width
-    made, packed, local = Handle(frame), Handle(scene), threading.local()
+    packed_frame, packed, local = Handle(frame), Handle(scene), threading.local()
     shown = np.zeros((SAMPLES, height, width))
     drawn = wavefront.draw_tile_in_groups if reuses else wavefront.draw_tile
 
@@ -72,7 +72,7 @@ def _draw(accel: Handle, scene: Any, frame: Frame, kind: type, threads: int, reu
             local.memory = Handle(wave_memory.WaveMemory.of(kind, reuses))
         film = Film(np.zeros((height, width, 3)), np.zeros((height, width)), np.zeros((height, width), np.int64))
         first, count = np.full((height, width), k * STRIDE, np.int64), np.ones((height, width), np.int64)
-        drawn(accel, packed, made, Tile(0, 0, width, height), first, count, SAMPLES * STRIDE, film, local.memory)
+        drawn(accel, packed, packed_frame, Tile(0, 0, width, height), first, count, SAMPLES * STRIDE, film, local.memory)
         shown[k] = film.color.mean(axis=2)
 
     thread_pool.parallel_for(draw, range(SAMPLES), threads)

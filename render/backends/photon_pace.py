@@ -38,13 +38,13 @@ class PhotonPace:
     @contextmanager
     def limited(self, tracer: Tracer, samples: int) -> Iterator[None]:
         """In the block, the tracer's effort for a round of `samples` is at most what the deadline allows."""
-        wanted, before, began = tracer.effort, tracer.so_far, self.deadline.clock()
+        effort, before, began = tracer.effort, tracer.so_far, self.deadline.clock()
         if self.deadline.is_finite:
-            tracer.effort = min(wanted, max(self._affordable(samples), FEWEST))
+            tracer.effort = min(effort, max(self._affordable(samples), FEWEST))
         try:
             yield
         finally:
-            tracer.effort = wanted
+            tracer.effort = effort
             if traced := tracer.so_far - before:
                 self._seconds = (self.deadline.clock() - began) / traced
 

@@ -188,9 +188,9 @@ def _compile_tiles(threads: int, accel: Handle, packed: Handle, frames: Handle, 
     from ..integrator import wavefront
 
     none, film = np.zeros((0, 0), np.int64), Film(np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0), np.int64))
-    made = wavefront.draw_tile_in_groups if reuses else wavefront.draw_tile
+    kernel = wavefront.draw_tile_in_groups if reuses else wavefront.draw_tile
     compile_process.compile_in_background(
-        threads, made, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, workspace_type(kind, reuses)
+        threads, kernel, accel, packed, frames, Tile(0, 0, 0, 0), none, none, 1, film, workspace_type(kind, reuses)
     )
 
 

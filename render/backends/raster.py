@@ -122,8 +122,8 @@ class Renderer(Unshared):
         rows = np.flatnonzero((hit.instance >= 0) & partial[hit.instance])
         origin, direction = (np.stack(aov.take_lanes(v, rows, len(hit.t)), axis=1) for v in (ray.origin, ray.direction))
         t_min, t_max = (np.broadcast_to(t, len(hit.t))[rows] for t in (ray.t_min, ray.t_max))
-        for column, found in zip(hit, ray_queries.closest(self._accel, origin, direction, t_min, t_max), strict=True):
-            column[rows] = found
+        for column, values in zip(hit, ray_queries.closest(self._accel, origin, direction, t_min, t_max), strict=True):
+            column[rows] = values
 
     def first(self, tile: Tile, samples: range, total: int) -> Iterator[FirstHits]:
         """The first hits of samples of each pixel."""
@@ -144,16 +144,18 @@ class Renderer(Unshared):
         scratch = Handle(scalar_raster.scratch_for(tile, count, self.reach if total > 1 else 0, work))
         place_samples(tile, self.prepared.frame, first, total, scratch)
         self._rasterizer.draw(tile, scratch)
-        made = self.prepared.raster
-        here = (made.boxes[:, 0] < tile.x1) & (made.boxes[:, 2] > tile.x0) & (made.boxes[:, 1] < tile.y1) & (made.boxes[:, 3] > tile.y0)
-        if here.any():
-            draw_untessellated(self._rasterizer.model, made.untessellated[here], self.prepared.packed, self._accel, self.view, scratch)
+        scene = self.prepared.raster
+        overlaps = (
+            (scene.boxes[:, 0] < tile.x1) & (scene.boxes[:, 2] > tile.x0) & (scene.boxes[:, 1] < tile.y1) & (scene.boxes[:, 3] > tile.y0)
+        )
+        if overlaps.any():
+            draw_untessellated(self._rasterizer.model, scene.untessellated[overlaps], self.prepared.packed, self._accel, self.view, scratch)
         return scratch
 
 
 def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     """Effects of a scene that the raster backend does not draw: (message, table, row), once for each material and light."""
-    tables, found = scene.tables, []
+    tables, messages = scene.tables, []
     used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
     glass, clear, mirrors, glossy = traits.has(tables, Lobes.GLASS), traits.clear(tables), traits.mirrors(tables), traits.glossy(tables)
     perfect = traits.has(tables, Lobes.MIRROR)
@@ -162,17 +164,17 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
             continue
         if clear[row]:
             name = "glass" if glass[row] else "k_t"
-            found.append((f"raster draws {name} without refraction: the sky and the ground's mean light show", "materials", row))
+            messages.append((f"raster draws {name} without refraction: the sky and the ground's mean light show", "materials", row))
         elif mirrors[row]:
             name = "mirrors" if perfect[row] else "k_r"
-            found.append((f"raster draws {name} without reflected objects: the sky and the ground's mean light show", "materials", row))
+            messages.append((f"raster draws {name} without reflected objects: the sky and the ground's mean light show", "materials", row))
         elif glossy[row]:
-            found.append(("raster draws highlights of lights and the sky only: objects are not reflected", "materials", row))
+            messages.append(("raster draws highlights of lights and the sky only: objects are not reflected", "materials", row))
     if plan["raster.shadows"] == "map":
         lights = tables.lights
         for row in np.flatnonzero(ir.is_in(lights.kind, SUNS) & (lights.angle > 0.0) & lights.shadows).tolist():
-            found.append(("raster draws the sun's shadows from a map, without their penumbra", "lights", row))
-    return found
+            messages.append(("raster draws the sun's shadows from a map, without their penumbra", "lights", row))
+    return messages
 
 
 @kernel
@@ -198,10 +200,10 @@ def draw_untessellated(model, untessellated, tables, accel, view, scratch):
         x, y = ops.to_float(samples.x[k]) / coverage.ONE, ops.to_float(samples.y[k]) / coverage.ONE
         ray = camera.generate_pinhole_ray(tables, view, x, y)
         for instance in untessellated:
-            met = sample_hits.intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
-            depth = met.t * sample_hits.axis_cosine(tables, view, ray)
+            hit = sample_hits.intersect(accel, instance, ray, ops.bool_like(ray.t_max, True))
+            depth = hit.t * sample_hits.axis_cosine(tables, view, ray)
             for j in range(min(count - start, crosslane.WIDTH)):
-                if crosslane.lane(met.instance, j) < 0:
+                if crosslane.lane(hit.instance, j) < 0:
                     continue
                 key = 1.0 / crosslane.lane(depth, j) if model.perspective else -crosslane.lane(depth, j)
                 if key > buffer.key[start + j] or (key == buffer.key[start + j] and instance < buffer.instance[start + j]):
@@ -223,14 +225,14 @@ def resolve(model, tables, accel, frame, scratch, hit):
     """Write the hits of a tile's samples, in lanes."""
     count = len(scratch.depth.key)
     for start in range(0, count, crosslane.WIDTH):
-        _, found = _find_hits(model, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
+        _, lane_hit = _find_hits(model, tables, accel, frame.picture, scratch, ops.minimum(crosslane.lane_indices(start), count - 1))
         for j in range(min(count - start, crosslane.WIDTH)):
             hit.t[start + j], hit.u[start + j], hit.v[start + j] = (
-                crosslane.lane(found.t, j),
-                crosslane.lane(found.u, j),
-                crosslane.lane(found.v, j),
+                crosslane.lane(lane_hit.t, j),
+                crosslane.lane(lane_hit.u, j),
+                crosslane.lane(lane_hit.v, j),
             )
-            hit.instance[start + j], hit.primitive[start + j] = crosslane.lane(found.instance, j), crosslane.lane(found.primitive, j)
+            hit.instance[start + j], hit.primitive[start + j] = crosslane.lane(lane_hit.instance, j), crosslane.lane(lane_hit.primitive, j)
 
 
 @kernel
@@ -241,8 +243,8 @@ def shade(model, tables, accel, vertex_light, frame, tile, first, scratch, stack
     for start in range(0, count, crosslane.WIDTH):
         k = ops.minimum(crosslane.lane_indices(start), count - 1)
         ray, hit = _find_hits(model, tables, accel, frame.picture, scratch, k)
-        at = k // samples.count
-        x, y = tile.x0 + at % samples.columns, tile.y0 + at // samples.columns
+        position = k // samples.count
+        x, y = tile.x0 + position % samples.columns, tile.y0 + position // samples.columns
         pixel, index = sobol.zorder_index(x, y, first + k % samples.count, frame.picture.width, frame.order)
         color, alpha, sound = whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, index, stack, None)
         for j in range(min(count - start, crosslane.WIDTH)):

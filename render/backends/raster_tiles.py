@@ -169,20 +169,20 @@ def _overlaps(box: Any, k: int, tile: Tile) -> bool:
 @helper
 def _choose(box: Any, by_polygon: Any, polygons: bool, tile: Tile, chosen: Any) -> int:
     """Write the clusters that overlap a tile, drawn by polygons or by triangles; returns their number."""
-    found = 0
+    count = 0
     for k in range(len(box)):
         if by_polygon[k] == polygons and _overlaps(box, k, tile):
-            chosen[found] = k
-            found += 1
-    return found
+            chosen[count] = k
+            count += 1
+    return count
 
 
 @helper
 def _choose_shapes(scene: Any, tile: Tile, chosen: Any) -> int:
     """Write the instances without triangles that overlap a tile; returns their number."""
-    found = 0
+    count = 0
     for k in range(len(scene.boxes)):
         if _overlaps(scene.boxes, k, tile):
-            chosen[found] = scene.untessellated[k]
-            found += 1
-    return found
+            chosen[count] = scene.untessellated[k]
+            count += 1
+    return count

@@ -37,8 +37,8 @@ class TileDrawing:
         self.prepared, self.side, self.most = p, side, side * side * min(samples, CALL)
         self.packets = CameraPackets(p.accel, p.packed, p.frame, p.packet_lights, black, side)
         kinds = p.packed.type, p.accel.type, p.vertex_light.type, p.frame.type
-        made = self.memory(0)
-        self.kind, workspace = made.type, made.tables.workspace.type
+        thread_memory = self.memory(0)
+        self.kind, workspace = thread_memory.type, thread_memory.tables.workspace.type
         drawn = compiled_address(ray_samples.draw_tile, *kinds, TILE, COUNTS, COUNTS, INT64, FILM, workspace)
         self.scene = Handle(TileScene(
             drawn, self.packets.scene, p.packed.address, p.accel.address, p.vertex_light.address, p.frame.address

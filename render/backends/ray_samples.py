@@ -51,9 +51,9 @@ def draw_tile(tables, accel, vertex_light, frame, tile, first, count, total, fil
             row, column = y - tile.y0, x - tile.x0
             s, end = first[row, column], first[row, column] + count[row, column]
             if end - s >= crosslane.WIDTH:
-                at = crosslane.lane_indices(s)
-                column_x, row_y = ops.int_like(at, x), ops.int_like(at, y)
-                red, green, blue = ops.like3(at, 0.0, 0.0, 0.0)
+                lanes = crosslane.lane_indices(s)
+                column_x, row_y = ops.int_like(lanes, x), ops.int_like(lanes, y)
+                red, green, blue = ops.like3(lanes, 0.0, 0.0, 0.0)
                 cover = red
                 bad = 0
                 while end - s >= crosslane.WIDTH:
@@ -98,9 +98,9 @@ def _draw_primed(primed, tables, accel, vertex_light, frame, film, workspace):
             if primed.black and not ops.any_lane(load_slots(primed.t, start) < np.inf):
                 continue
             if shade_primed(tables, accel, vertex_light, frame, start, workspace):
-                many, at = packet_place(n, start)
+                many, place = packet_place(n, start)
                 for k in range(min(crosslane.WIDTH, n - start)):
-                    _add_sample(film, workspace, k, primed.items[at + many + k], primed.items[at + k])
+                    _add_sample(film, workspace, k, primed.items[place + many + k], primed.items[place + k])
         return True
 
     return drawn
@@ -119,16 +119,16 @@ def shade_primed(tables, accel, vertex_light, frame, start, workspace):
 
     Returns whether any of it is not black.
     """
-    view, options, found = frame.picture, frame.options, workspace.primed
-    many, place = packet_place(found.extent[3], start)
-    at = start % PACKET
-    x, y, _ = load_pixels(found.items[place - at : place - at + 3 * many], at)
-    s = first_samples(found.corner, found.first, found.extent[2], x, y)
-    pixel, s = sobol.zorder_index(x + found.corner[0], y + found.corner[1], s, view.width, frame.order)
-    origin, direction, t_min, t_max = ray_soa.get(found.rays[start // PACKET], at)
+    view, options, hits = frame.picture, frame.options, workspace.primed
+    many, place = packet_place(hits.extent[3], start)
+    offset = start % PACKET
+    x, y, _ = load_pixels(hits.items[place - offset : place - offset + 3 * many], offset)
+    s = first_samples(hits.corner, hits.first, hits.extent[2], x, y)
+    pixel, s = sobol.zorder_index(x + hits.corner[0], y + hits.corner[1], s, view.width, frame.order)
+    origin, direction, t_min, t_max = ray_soa.get(hits.rays[start // PACKET], offset)
     ray = Ray(origin, direction, t_min, t_max, sobol.sample_time(pixel, s, options.seed, frame.shutter))
-    hit, known = merge_first_hits(accel, tables, ray, found, start)
-    return _store_light(workspace, whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, known))
+    hit, hidden = merge_first_hits(accel, tables, ray, hits, start)
+    return _store_light(workspace, whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, hidden))
 
 
 @helper
@@ -187,13 +187,13 @@ def _find_first_hits(primed, accel, tables, ray, x, y, s):
 
 
 @noinline_helper
-def merge_first_hits(accel, tables, ray, found, slot):
+def merge_first_hits(accel, tables, ray, hits, slot):
     """The nearer of known implicit-surface hits, in these slots, and BVH hits."""
     zero, none = ops.full_like(ray.t_min, 0.0), ops.int_like(ray.t_min, -1)
     hit = Hit(zero + np.inf, none, none, zero, zero)
     if accel.rest & REST != 0:
         hit = intersect.closest_hit(accel, tables, ray, ops.bool_like(ray.t_min, True), REST)
-    return closer_hit(found, slot, hit)
+    return closer_hit(hits, slot, hit)
 
 
 @noinline_helper
@@ -206,5 +206,5 @@ def shade_samples(tables, accel, vertex_light, frame, total, x, y, s, workspace)
     time = sobol.sample_time(pixel, s, options.seed, frame.shutter)
     x, y = ops.to_float(x) + 0.5 + dx, ops.to_float(y) + 0.5 + dy
     ray = camera.generate_ray(tables, view, frame.lens, x, y, pixel, s, options.seed, time)
-    hit, known = find_first_hits(workspace.primed, accel, tables, ray, column, row, number)
-    return whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, known)
+    hit, hidden = find_first_hits(workspace.primed, accel, tables, ray, column, row, number)
+    return whitted.linked_radiance(frame, tables, accel, vertex_light, ray, hit, pixel, s, workspace.stack, hidden)

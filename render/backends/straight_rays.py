@@ -84,8 +84,8 @@ class Way:
         layered, varies = np.isfinite(table.top[number]), np.zeros(len(rows), bool)
         if not isinstance(table.fields, tracking.NoFields):
             varies = table.fields.density[number] >= 0
-        plain = ~(layered | varies)
-        first[:, plain] = _of_uniform(rate[:, plain], near[plain], length[plain])
+        uniform = ~(layered | varies)
+        first[:, uniform] = _of_uniform(rate[:, uniform], near[uniform], length[uniform])
         if layered.any():
             o, d = self._origin[1, rows[layered]], self._direction[1, rows[layered]]
             shape = o + near[layered] * d, d, table.top[number[layered]], table.falloff[number[layered]]
@@ -93,8 +93,8 @@ class Way:
                 length[layered] = column.column(*shape, length[layered])
                 first[:, layered] = _of_layer(rate[:, layered], near[layered], length[layered], shape)
         if varies.any():
-            at = rows[varies]
-            rays = np.ascontiguousarray(self._origin[:, at]), np.ascontiguousarray(self._direction[:, at])
+            varying_rows = rows[varies]
+            rays = np.ascontiguousarray(self._origin[:, varying_rows]), np.ascontiguousarray(self._direction[:, varying_rows])
             length[varies], first[:, varies] = self._march(number[varies], *rays, near[varies], far[varies], steps)
         return length, first
 
@@ -139,9 +139,9 @@ def pass_boundaries(
     way = Way(table, march or _march_in_numpy(table, tables), (origin, direction))
     clear = table.clear[tables.instances.material]
     for _ in range(MOST):
-        met = hit.instance[rows] >= 0
-        way.add(rows, stack[rows], near[rows], np.where(met, np.maximum(hit.t[rows], near[rows]), np.inf))
-        rows = rows[met]
+        is_hit = hit.instance[rows] >= 0
+        way.add(rows, stack[rows], near[rows], np.where(is_hit, np.maximum(hit.t[rows], near[rows]), np.inf))
+        rows = rows[is_hit]
         rows = rows[clear[hit.instance[rows]]]
         if not len(rows):
             break

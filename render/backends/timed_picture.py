@@ -54,8 +54,8 @@ class Work(NamedTuple):
     progressive: bool
 
 
-def run(work: Work, deadline: Deadline, put: Callable[[Image], None]) -> Image:
-    """Draw a picture, and denoise it as its plan says; `put` writes the channels of light groups.
+def run(work: Work, deadline: Deadline, write_groups: Callable[[Image], None]) -> Image:
+    """Draw a picture, and denoise it as its plan says; `write_groups` writes the channels of light groups.
 
     Metadata beside that of film.run: "resolution", the divisor of its sides, 1 where each pixel is drawn; "filled", the share of the
     pixels that show others; "denoising_left_out", whether there was no time for it.
@@ -74,11 +74,11 @@ def run(work: Work, deadline: Deadline, put: Callable[[Image], None]) -> Image:
             preview = _draw_preview(work, ends)
     divisor = 1 if preview is None else _divisor(preview, plan, ends)
     if divisor == 1:
-        return _draw(work, 1, (preview, times), ends, put)
+        return _draw(work, 1, (preview, times), ends, write_groups)
     ends = ends.earlier(ENLARGE * _pixels(plan, 1))
     ends.leave(0.0)
     extras = film.run_channels(renderer, plan, work.cancel, work.mattes, ends) if plan["aov"] else None
-    return _at_full_size(plan, _draw(work, divisor, (preview, times), ends, put), divisor, extras)
+    return _at_full_size(plan, _draw(work, divisor, (preview, times), ends, write_groups), divisor, extras)
 
 
 def _draw_preview(work: Work, ends: Deadline) -> Image | None:
@@ -138,10 +138,10 @@ def _pixels(plan: Plan, divisor: int) -> float:
 
 
 def _draw(
-    work: Work, divisor: int, known: tuple[Image | None, DenoisingTime | None], ends: Deadline, put: Callable[[Image], None]
+    work: Work, divisor: int, measured: tuple[Image | None, DenoisingTime | None], ends: Deadline, write_groups: Callable[[Image], None]
 ) -> Image:  # fmt: skip
     """The picture at 1/divisor of its size, denoised if there is time."""
-    preview, times = known
+    preview, times = measured
     plan = work.plan if divisor == 1 else _reduced(work.plan, divisor, aov=())
     x0, y0, x1, y1 = plan["crop"]
     planned = times.plan((x1 - x0) * (y1 - y0)) if times is not None else None
@@ -151,7 +151,7 @@ def _draw(
     try:
         of_whole = (work.mattes, work.keeper, work.progressive) if divisor == 1 else (None, None, False)
         image = film.run(work.renderer, plan, _view(plan), work.report if divisor == 1 else None, work.cancel, *of_whole, until)
-        put(image)
+        write_groups(image)
         _fill(image, preview, plan)
         _denoise(work, image, plan, planned, ends)
     finally:
@@ -244,10 +244,10 @@ def _between(
     count: int, size: tuple[int, int], crop: tuple[int, int, int, int], to_size: tuple[int, int], to_crop: tuple[int, int, int, int], k: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:  # fmt: skip
     """For each row or column of an enlarged picture: the two of `count` that it is between, and the share of the second."""
-    at = (np.arange(to_crop[k], to_crop[k + 2]) + 0.5) * (size[k] / to_size[k]) - 0.5 - crop[k]
-    at = np.clip(at, 0.0, count - 1.0)
-    low = np.minimum(at.astype(np.int64), max(count - 2, 0))
-    return low, np.minimum(low + 1, count - 1), (at - low).astype(np.float32)
+    positions = (np.arange(to_crop[k], to_crop[k + 2]) + 0.5) * (size[k] / to_size[k]) - 0.5 - crop[k]
+    positions = np.clip(positions, 0.0, count - 1.0)
+    low = np.minimum(positions.astype(np.int64), max(count - 2, 0))
+    return low, np.minimum(low + 1, count - 1), (positions - low).astype(np.float32)
 
 
 def _reduced(plan: Plan, divisor: int, **values: Any) -> Plan:
@@ -255,8 +255,8 @@ def _reduced(plan: Plan, divisor: int, **values: Any) -> Plan:
     width, height = plan["size"]
     size = max(round(width / divisor), 1), max(round(height / divisor), 1)
     x0, y0, x1, y1 = plan["crop"]
-    low = [min(int(v * part / whole), part - 1) for v, part, whole in ((x0, size[0], width), (y0, size[1], height))]
-    high = [max(math.ceil(v * part / whole), start + 1) for v, part, whole, start in (
+    low = [min(int(v * part / full), part - 1) for v, part, full in ((x0, size[0], width), (y0, size[1], height))]
+    high = [max(math.ceil(v * part / full), start + 1) for v, part, full, start in (
         (x1, size[0], width, low[0]), (y1, size[1], height, low[1]))]  # fmt: skip
     values |= {"size": size, "crop": (*low, *high)}
     return Plan({**plan.decisions, **{name: replace(plan.decisions[name], value=value) for name, value in values.items()}})

@@ -241,17 +241,17 @@ class Dispatcher:
         """Requests from the queue for one message: of one picture and kind, for about AIM seconds and a fair share of the threads."""
         pace, threads = self._pace.get(first.kind), sum(w.threads for w in self.workers.values() if w.usable)
         most = 1 if first.whole or pace is None else max(1, len(self.pending) // max(threads, 1))
-        taken, cost = [], 0.0
-        while self.pending and len(taken) < most and (not taken or (cost + self.pending[0].cost) * (pace or 0.0) <= AIM):
+        batch, cost = [], 0.0
+        while self.pending and len(batch) < most and (not batch or (cost + self.pending[0].cost) * (pace or 0.0) <= AIM):
             request = self.pending[0]
             if request.done:
                 self.pending.popleft()
                 continue
             if request.kind != first.kind or request.work is not first.work:
                 break
-            taken.append(self.pending.popleft())
+            batch.append(self.pending.popleft())
             cost += request.cost
-        return taken
+        return batch
 
     def _assign(self, worker: Worker, requests: list[Request]) -> None:
         """Send requests to a worker, after the scene if it lacks that."""

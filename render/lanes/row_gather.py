@@ -62,8 +62,7 @@ def _eight_at(table, row, first):
         element = row * _row_length(table) + first
         return (
             simd.read(table, element), simd.read(table, element + 1), simd.read(table, element + 2), simd.read(table, element + 3),
-            simd.read(table, element + 4),
-            simd.read(table, element + 5), simd.read(table, element + 6), simd.read(table, element + 7),
+            simd.read(table, element + 4), simd.read(table, element + 5), simd.read(table, element + 6), simd.read(table, element + 7),
         )  # fmt: skip
 
     return scalar

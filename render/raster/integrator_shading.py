@@ -112,10 +112,10 @@ def draw_untessellated(model, untessellated, boxes, tables, accel, view, pattern
     samples, columns = len(pattern.x), band.window[2] >> 2
     for e in range(len(untessellated)):
         instance = untessellated[e]
-        left, right = max(boxes[e, 0] - band.window[0], 0) >> 2, (min(boxes[e, 2] - band.window[0], band.window[2]) + 3) >> 2
-        above, below = max(boxes[e, 1] - band.window[1], 0) >> 2, (min(boxes[e, 3] - band.window[1], band.window[3]) + 3) >> 2
-        for row in range(above, below):
-            for block in range(left, right):
+        first_block, end_block = max(boxes[e, 0] - band.window[0], 0) >> 2, (min(boxes[e, 2] - band.window[0], band.window[2]) + 3) >> 2
+        first_row, end_row = max(boxes[e, 1] - band.window[1], 0) >> 2, (min(boxes[e, 3] - band.window[1], band.window[3]) + 3) >> 2
+        for row in range(first_row, end_row):
+            for block in range(first_block, end_block):
                 x, y = band.window[0] + 4 * block, band.window[1] + 4 * row
                 for s in range(samples):
                     place = ((row * columns + block) * samples + s) * 16

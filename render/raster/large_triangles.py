@@ -86,11 +86,11 @@ def fill_triangle(pattern, band, number, x0, y0, x1, y1, x2, y2):
         return
     if area < 0:
         x1, y1, x2, y2 = x2, y2, x1, y1
-    left = max((min(x0, min(x1, x2)) + 255 - pattern.high_x) >> 8, band.clip[0]) - band.window[0]
-    right = min((max(x0, max(x1, x2)) - pattern.low_x) >> 8, band.clip[2] - 1) - band.window[0]
-    above = max((min(y0, min(y1, y2)) + 255 - pattern.high_y) >> 8, band.clip[1]) - band.window[1]
-    below = min((max(y0, max(y1, y2)) - pattern.low_y) >> 8, band.clip[3] - 1) - band.window[1]
-    if left > right or above > below:
+    first_column = max((min(x0, min(x1, x2)) + 255 - pattern.high_x) >> 8, band.clip[0]) - band.window[0]
+    last_column = min((max(x0, max(x1, x2)) - pattern.low_x) >> 8, band.clip[2] - 1) - band.window[0]
+    first_row = max((min(y0, min(y1, y2)) + 255 - pattern.high_y) >> 8, band.clip[1]) - band.window[1]
+    last_row = min((max(y0, max(y1, y2)) - pattern.low_y) >> 8, band.clip[3] - 1) - band.window[1]
+    if first_column > last_column or first_row > last_row:
         return
     ox, oy = band.window[0] << 8, band.window[1] << 8
     x0, y0, x1, y1, x2, y2 = x0 - ox, y0 - oy, x1 - ox, y1 - oy, x2 - ox, y2 - oy
@@ -98,8 +98,8 @@ def fill_triangle(pattern, band, number, x0, y0, x1, y1, x2, y2):
     tiles = -(-band.window[2] // TILE)
     plane = band.work.plane
     depth = DepthPlane(plane[0, 0], plane[0, 1], plane[0, 2], plane[0, 3], plane[0, 4])
-    for ty in range(above // TILE, below // TILE + 1):
-        for tx in range(left // TILE, right // TILE + 1):
+    for ty in range(first_row // TILE, last_row // TILE + 1):
+        for tx in range(first_column // TILE, last_column // TILE + 1):
             x, y = tx * TILE, ty * TILE
             wx, wy = x + band.window[0], y + band.window[1]
             middle = depth.c + depth.a * (wx + 0.5 * TILE) + depth.b * (wy + 0.5 * TILE)

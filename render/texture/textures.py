@@ -281,8 +281,8 @@ def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: An
     textures, images = tables.textures, tables.images
     nearest = textures.nearest[row]
     width, height = ops.to_float(images.width[image]), ops.to_float(images.height[image])
-    is_filtered = ops.where(nearest, 0.0, 1.0)
-    ax, ay, bx, by = spans[0] * width * is_filtered, spans[1] * height * is_filtered, spans[2] * width * is_filtered, spans[3] * height * is_filtered
+    smooth = ops.where(nearest, 0.0, 1.0)
+    ax, ay, bx, by = spans[0] * width * smooth, spans[1] * height * smooth, spans[2] * width * smooth, spans[3] * height * smooth
     longest, shortest, x, y = ellipse(ax, ay, bx, by)
     unfiltered = look_up(tables, image, s, t, wraps[0], wraps[1], nearest)
     wide = longest > 1.0

@@ -81,7 +81,7 @@ class TileDrawing:
         p, raster = prepared, prepared.raster
         self.scene = Handle(TileScene(
             self._steps(*kernels), rasterizer.model.address, rasterizer.clusters.address, p.packed.address, p.accel.address,
-            p.vertex_light.address, p.frame.address, view, rasterizer.how, reach, batch, rasterizer.box, rasterizer.whole,
+            p.vertex_light.address, p.frame.address, view, rasterizer.how, reach, batch, rasterizer.box, rasterizer.by_polygon,
             rasterizer.flat, np.ascontiguousarray(raster.untessellated, np.int64), np.ascontiguousarray(raster.boxes, np.int32),
         ))  # fmt: skip
 
@@ -90,7 +90,7 @@ class TileDrawing:
         p, scratch, flags = self.prepared, self._scratch(1).type, array_type(np.bool_, 1)
         model, clusters, stack = self.rasterizer.model.type, self.rasterizer.clusters.type, typeof(self._stack())
         view, polygons, entered = tuple_type(View, (INT64,) * 3), 0, 0
-        if self.rasterizer.whole.any():
+        if self.rasterizer.by_polygon.any():
             polygons = compiled_address(scalar_raster.draw_polygons, model, clusters, _ROWS, p.packed.type, flags, TILE, scratch)
         if len(p.raster.untessellated):
             entered = compiled_address(entering, model, _ROWS, p.packed.type, p.accel.type, view, scratch)

@@ -191,7 +191,7 @@ def _find_in_kernels(accel, ray, active, visible_bit, any_hit):
         def find_at_time(accel, ray, active, visible_bit, any_hit):
             if motion_alpha.has_no_instances(accel):
                 return two_level.find(  # pyright: ignore[reportCallIssue]
-                    accel.motion_alpha.plain,
+                    accel.motion_alpha.opaque_search,
                     (accel, ray.origin, ray.direction, ray.t_min, ray.t_max, active, np.int64(visible_bit), any_hit),
                 )
             return motion_alpha.find_moving(  # pyright: ignore[reportCallIssue]

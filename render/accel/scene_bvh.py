@@ -83,7 +83,7 @@ def build(
         parameters=geometries.parameters,
         origin=geometries.origin,
         forms=forms,
-        rest=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
+        rest_bits=int(np.bitwise_or.reduce(visible[drawable], initial=0)) & (CAMERA_REST | SHADOW_REST),
         motion_alpha=motion_alpha,
     )
 

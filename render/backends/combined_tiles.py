@@ -39,8 +39,8 @@ class GroupScene(NamedTuple):
     light: NDArray[np.float64]  # (groups · pixels, 3)
     samples: NDArray[np.int64]  # (pixels,)
     width: int  # pixels of the crop, and its first column and row
-    left: int
-    top: int
+    first_column: int
+    first_row: int
 
 
 class MomentScene(NamedTuple):
@@ -56,13 +56,13 @@ class PartMemory(NamedTuple):
     parts: NDArray[np.int64]  # (parts,) addresses of their memories
     film: Film  # of a part
     first: NDArray[np.int64]  # (side, side)
-    one: NDArray[np.int64]  # (side, side) of 1
+    ones: NDArray[np.int64]  # (side, side) of 1
 
 
 class ThreadMemory(Handle):
     """The packed PartMemory of a thread, with the memories of the parts."""
 
-    __slots__ = ("kept",)
+    __slots__ = ("owners",)
 
 
 TYPE_OF[ThreadMemory] = TYPE_OF[Handle]
@@ -90,11 +90,11 @@ def link(
         film = Film(np.zeros((side, side, 3)), np.zeros((side, side)), np.zeros((side, side), np.int64))
         addresses = np.array([each.address for each in memories], np.int64)
         thread_memory = ThreadMemory(PartMemory(addresses, film, np.zeros((side, side), np.int64), np.ones((side, side), np.int64)))
-        thread_memory.kept = memories
+        thread_memory.owners = memories
         return thread_memory
 
     kernel = TileKernel.link(function, [Handle(scene)], memory, memory().type)
-    return kernel._replace(kept=(kernel.kept, drawings))
+    return kernel._replace(owners=(kernel.owners, drawings))
 
 
 def _memory(allocate: Callable[..., Handle], samples: int | None) -> Handle:
@@ -111,7 +111,7 @@ def draw_groups(scene, tile, first, count, total, film, memory):
         _draw_part(scene.parts, memory, k, (tile, first, count, total, part_film))
         for y in range(rows):
             for x in range(columns):
-                pixel = (tile.y0 - scene.top + y) * scene.width + tile.x0 - scene.left + x
+                pixel = (tile.y0 - scene.first_row + y) * scene.width + tile.x0 - scene.first_column + x
                 for c in range(3):
                     scene.light[scene.begin[k] + pixel, c] += part_film.color[y, x, c]
                     film.color[y, x, c] += part_film.color[y, x, c]
@@ -128,7 +128,7 @@ def draw_moments(scene, tile, first, count, total, film, memory):
         for y in range(tile.y1 - tile.y0):
             for x in range(tile.x1 - tile.x0):
                 memory.first[y, x] = s
-        _draw_part(scene.parts, memory, scene.turns[s % len(scene.turns)], (tile, memory.first, memory.one, total, film))
+        _draw_part(scene.parts, memory, scene.turns[s % len(scene.turns)], (tile, memory.first, memory.ones, total, film))
 
 
 @helper

@@ -120,7 +120,7 @@ class TileDrawing:
 
     def link(self) -> TileKernel:
         """The kernel of tiles."""
-        return TileKernel.link(draw_tile, [self.scene], self.memory, self.memory().type)._replace(kept=self)
+        return TileKernel.link(draw_tile, [self.scene], self.memory, self.memory().type)._replace(owners=self)
 
 
 @kernel

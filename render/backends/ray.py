@@ -61,7 +61,7 @@ class Renderer:
             self.cell = pixel_groups.CELL
         self.primes = prepared.paths is None and hits.is_needed(prepared.accel.tables)
         self.side = hits.tile_side(view.width, view.height, plan["samples"]) if self.primes else TILE
-        self.black = self.primes and not prepared.accel.tables.rest & REST and background.is_black(prepared.tables, prepared.options)
+        self.black = self.primes and not prepared.accel.tables.rest_bits & REST and background.is_black(prepared.tables, prepared.options)
         self._channel_accel, self._channel_lock = None, threading.Lock()
         if prepared.paths is None and (plan["denoise"] != "off" or plan["aov"]):
             ray_queries.load_closest(prepared.accel)
@@ -88,7 +88,8 @@ class Renderer:
             return self.packets.link()
         if p.paths is None:
             inputs = [p.packed, p.accel, p.vertex_light, self.frame]
-            return TileKernel.link(draw_tile, inputs, lambda *_: Handle(Workspace.of(p.options)), Handle(Workspace.of(p.options)).type)
+            kind = Handle(Workspace.allocate(p.options)).type
+            return TileKernel.link(draw_tile, inputs, lambda *_: Handle(Workspace.allocate(p.options)), kind)
         from ..integrator import wave_memory, wavefront
 
         drawn = wavefront.draw_tile_in_groups if self.reuses else wavefront.draw_tile
@@ -192,7 +193,7 @@ class Renderer:
         if self.packets is not None:
             self.packets.sample(tile, first, count, total, film, self._workspaces)
             return
-        workspace = Handle(Workspace.of(p.options))
+        workspace = Handle(Workspace.allocate(p.options))
         draw_tile(p.packed, p.accel, p.vertex_light, self.frame, tile, first, count, total, film, workspace)
 
     def channels(self, tile: Tile, names: tuple[str, ...], out: dict[str, NDArray[np.float32]]) -> None:

@@ -46,7 +46,7 @@ class TileDrawing:
 
     def memory(self, samples: int | None = None) -> ThreadMemory:
         """Allocate the memory of a thread, for tiles of so many samples."""
-        return self.packets.memory(Workspace.of(self.prepared.options), self.most if samples is None else samples)
+        return self.packets.memory(Workspace.allocate(self.prepared.options), self.most if samples is None else samples)
 
     def sample(self, tile: Tile, first: Any, count: Any, total: int, film: Film, local: Any) -> None:
         """Add samples to the film of a tile, see film.Renderer.sample; `local` is a threading.local that keeps the thread's memory."""
@@ -58,7 +58,7 @@ class TileDrawing:
 
     def link(self) -> TileKernel:
         """The kernel of tiles."""
-        return TileKernel.link(draw_tile, [self.scene], self.memory, self.kind)._replace(kept=self)
+        return TileKernel.link(draw_tile, [self.scene], self.memory, self.kind)._replace(owners=self)
 
 
 @kernel

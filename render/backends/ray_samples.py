@@ -31,7 +31,7 @@ class Workspace(NamedTuple):
     primed: Any = hits.Nothing()  # or a hits.TileHits
 
     @classmethod
-    def of(cls, options: Options) -> Workspace:
+    def allocate(cls, options: Options) -> Workspace:
         """A workspace of zeros."""
         width = crosslane.WIDTH
         return cls(np.zeros((3, width), np.int64), np.zeros((5, width)), ray_stack.stack_for(options, width))
@@ -191,7 +191,7 @@ def merge_first_hits(accel, tables, ray, hits, slot):
     """The nearer of known implicit-surface hits, in these slots, and BVH hits."""
     zero, none = ops.full_like(ray.t_min, 0.0), ops.int_like(ray.t_min, -1)
     hit = Hit(zero + np.inf, none, none, zero, zero)
-    if accel.rest & REST != 0:
+    if accel.rest_bits & REST != 0:
         hit = intersect.closest_hit(accel, tables, ray, ops.bool_like(ray.t_min, True), REST)
     return closer_hit(hits, slot, hit)
 

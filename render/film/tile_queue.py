@@ -42,7 +42,7 @@ class TileKernel(NamedTuple):
 
     address: int
     inputs: tuple[int, ...]  # addresses of the handles of its first arguments
-    kept: Any  # what owns them
+    owners: Any  # of these handles
     memory: Callable[..., Handle]  # allocates the memory of a thread; memory(n): for calls of at most n samples
 
     @classmethod
@@ -77,8 +77,8 @@ class Target(NamedTuple):
     issues: NDArray[np.int64]  # (tiles,)
     shown: NDArray[np.float64]  # see adaptive_sampling.Decline
     least: float
-    left: int
-    top: int
+    first_column: int
+    first_row: int
     total: int  # samples of a pixel in the end
 
 
@@ -94,7 +94,7 @@ class TileMemory(NamedTuple):
     sums: PixelSums
 
     @classmethod
-    def of(cls, side: int) -> TileMemory:
+    def allocate(cls, side: int) -> TileMemory:
         """Memory for tiles of `side` × `side` pixels."""
         first, part, count = np.zeros((3, side, side), np.int64)
         film = Film(np.zeros((side, side, 3)), np.zeros((side, side)), np.zeros((side, side), np.int64))
@@ -105,7 +105,7 @@ class _Worker:
     """A thread's memory, and the lock that it holds in kernels."""
 
     def __init__(self, side: int, memory: Handle) -> None:
-        self.tile, self.memory, self.lock = Handle(TileMemory.of(side)), memory, threading.Lock()
+        self.tile, self.memory, self.lock = Handle(TileMemory.allocate(side)), memory, threading.Lock()
         self.state = self.tile.tables.state
 
     @property
@@ -191,7 +191,7 @@ def _nothing(draw: int, inputs: int, side: int) -> tuple[Any, ...]:
     picture = np.zeros((0, 0, 4), np.float32), np.zeros((0, 0, 3), np.float32), empty, np.zeros((0, 0), np.int8)
     tiles = none, none, Decline(()).shown
     target = Target(np.zeros(1, np.int64), none, np.zeros((0, 4), np.int64), none, empty, sums, *picture, *tiles, 0.0, 0, 0, 0)
-    return draw, (0,) * inputs, 0, target, Handle(TileMemory.of(side)), 0
+    return draw, (0,) * inputs, 0, target, Handle(TileMemory.allocate(side)), 0
 
 
 @kernel
@@ -262,7 +262,7 @@ def _begin_batch(target: Any, work: Any) -> bool:
     most = 0
     for y in range(tile.y1 - tile.y0):
         for x in range(tile.x1 - tile.x0):
-            v, u = tile.y0 - target.top + y, tile.x0 - target.left + x
+            v, u = tile.y0 - target.first_row + y, tile.x0 - target.first_column + x
             before = target.sums.samples[v, u] if len(target.sums.samples) > 0 else work.sums.samples[y, x]
             if doubles:
                 goal = min(target.goals[v, u], 2 * before)
@@ -299,7 +299,7 @@ def _set_counts(work: Any, rows: int, columns: int, start: int, call: int) -> in
 @helper
 def _end_batch(target: Any, work: Any, film: Film, tile: Tile) -> None:
     """Add the batch of the tile in work to sums and picture, as far as it was drawn."""
-    state, first_row, first_column = work.state, tile.y0 - target.top, tile.x0 - target.left
+    state, first_row, first_column = work.state, tile.y0 - target.first_row, tile.x0 - target.first_column
     window = Window(tile.y1 - tile.y0, tile.x1 - tile.x0, first_row, first_column, first_row, first_column)
     if state[START] < state[END]:
         for y in range(window.rows):

@@ -56,7 +56,7 @@ def evaluate(packet: Any, program: int, tape: int, vectors: int) -> None:
 def evaluate_points(packet: Any, tape: int, vectors: int) -> None:
     """`evaluate` for POINTS, by compiled code if that is ready and the tape not much shorter; both give the same bits."""
     code = packet.compiled[0, 2]
-    if code != 0 and len(packet.whole) <= SPEEDUP * packet.tapes[tape, ROW_COUNT]:
+    if code != 0 and len(packet.whole_tape) <= SPEEDUP * packet.tapes[tape, ROW_COUNT]:
         run_compiled_rows(code, packet.registers, packet.constants32, packet.tapes[tape, RESULT] * vectors * VECTOR, vectors)
     else:
         evaluate(packet, POINTS, tape, vectors)

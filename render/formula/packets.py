@@ -96,10 +96,10 @@ def _trace_packet(packet, memory, n, hits):
     )
     if length > WIDEST * size:
         return False
-    rows = len(packet.whole)
+    rows = len(packet.whole_tape)
     for i in range(rows):
         for c in range(4):
-            packet.names[i, c] = packet.whole[i, c]
+            packet.names[i, c] = packet.whole_tape[i, c]
     packet.tapes[0, FIRST_ROW], packet.tapes[0, ROW_COUNT] = 0, rows
     allocate_registers(packet.names, packet.code, packet.tapes, 0)
     vectors = (n + VECTOR - 1) // VECTOR

@@ -45,7 +45,7 @@ class SplitBuffers(NamedTuple):
 
     nodes: Any
     bins: Any
-    left: Any
+    left_costs: Any
     before: Any
     spans: Any
 

@@ -38,7 +38,7 @@ class MotionAlpha(NamedTuple):
     unbounded: NDArray[np.int32]
     partial: NDArray[np.bool_]  # (instances,) whether the opacity is to be evaluated
     tables: ir.Tables
-    plain: int = 0  # address of two_level.search, for all other instances
+    opaque_search: int = 0  # address of two_level.search, for all other instances
     opacity: Any = Nothing()  # KernelAddress of motion_alpha.opacity_kernel, if some are partial
     moving: Any = Nothing()  # KernelAddress of motion_alpha.search_moving, if some move
 
@@ -59,7 +59,7 @@ class Bvh(NamedTuple):
     parameters: NDArray[np.float64]  # Geometries.parameters
     origin: NDArray[np.float64]  # Geometries.origin
     forms: Forms  # formula surfaces
-    rest: int  # those of CAMERA_REST and SHADOW_REST that some instance has
+    rest_bits: int  # those of CAMERA_REST and SHADOW_REST that some instance has
     motion_alpha: Any = Nothing()  # a MotionAlpha, if any instance moves or is partly transparent
     search: int = 0  # address of two_level.search, or of motion_alpha.search_all
     formula_kernel: int = 0  # address of the formula intersection, if there are formula surfaces

@@ -29,7 +29,7 @@ class PacketState(NamedTuple):
     numbers: NDArray[np.float64]
     places: NDArray[np.int64]
     unproved: NDArray[np.int64]
-    whole: NDArray[np.int32]  # rows of the whole tape, in the form of Forms.names
+    whole_tape: NDArray[np.int32]  # its rows, in the form of Forms.names
     names: NDArray[np.int32]
     code: NDArray[np.int32]
     tapes: NDArray[np.int64]

@@ -127,7 +127,7 @@ def _apply_known(hidden: Lane, accel: Any, tables: Tables, light: int, ray: Ray,
         active = active & ((bits & 2) == 0)
     zero = ops.full_like(ray.t_min, 0.0)
     total = ops.where3(active & is_tested, radiance, (zero, zero, zero))
-    if accel.rest & REST != 0:
+    if accel.rest_bits & REST != 0:
         total = intersect.attenuate(accel, tables, ray, active & is_tested, radiance, REST)
     untested = active & ops.not_(is_tested)
     if ops.any_lane(untested):

@@ -60,7 +60,7 @@ def link(accel: Handle, general: bool = False) -> None:
         absent = tuple(tag for tag in absent if tag == NO_MESHES)  # rays that step through meshes in turn take half as long again without
     search = two_level.search.link(with_type_tags(accel.type, *absent), *two_level.SEARCH)
     if is_used(accel.type):
-        accel.put("motion_alpha.plain", search)
+        accel.put("motion_alpha.opaque_search", search)
         if has_opacity(accel.type):
             hit = FLOAT64, INT64, INT64, FLOAT64, FLOAT64, FLOAT64
             accel.put("motion_alpha.opacity.address", opacity_kernel.link(accel.type, _VEC, _VEC, *hit))
@@ -343,7 +343,7 @@ def _search_moving(accel, origin, direction, t_min, t_max, active, visible_bit, 
 def _search(accel: Any, ray: Ray, active: Lane, visible_bit: int, any_hit: bool) -> Hit:
     t_min, t_max = ray.t_min, ray.t_max
     best = two_level.find(  # pyright: ignore[reportCallIssue]
-        accel.motion_alpha.plain, (accel, ray.origin, ray.direction, t_min, t_max, active, visible_bit, any_hit)
+        accel.motion_alpha.opaque_search, (accel, ray.origin, ray.direction, t_min, t_max, active, visible_bit, any_hit)
     )
     until = ops.where(active & two_level.is_sound(ray.origin, ray.direction), ops.minimum(best.t, t_max), -np.inf)
     zero = ops.full_like(t_min, 0.0)

@@ -11,7 +11,7 @@ from ..compiler.scene import metals
 from ..compiler.scene.metallic_roughness import ALL, GLASS
 from ..compiler.scene.row_records import Input, MaterialData, multiply_colors
 from ..lang.schema.argument_types import REQUIRED, Arg, Entry
-from . import losses
+from . import losses, openpbr
 from .arguments import SHADING, SURFACE, roughness
 from .contract import F64, Arguments, Element, Exported, FacetInputs, Facets, Finish, Lane, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 from .lanes import black, clipped, helper, ops
@@ -30,7 +30,25 @@ def _lower(arguments: Arguments) -> MaterialData:
         ir.Slot.EDGE: Input(edge),
         ir.Slot.ROUGHNESS: arguments.number("roughness"),
     }
-    return MaterialData(MODEL, inputs, arguments.shading)
+    anisotropy = arguments.args["anisotropy"]
+    if anisotropy == 0.0:
+        if arguments.args["rotation"] is not None:
+            arguments.error("metal: `rotation` is given without `anisotropy`", "give `anisotropy`, 0 to 1, or leave it out")
+        return MaterialData(MODEL, inputs, arguments.shading)
+    return _brushed(arguments, inputs)
+
+
+def _brushed(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> MaterialData:
+    """Slabs of the metal alone: they have the same reflectance, by which SPECULAR is the tint at grazing angles."""
+    if arguments.shading == ir.Shading.GOURAUD:
+        arguments.error("metal: light of an anisotropic metal is computed at points", 'leave out `shading: "gouraud"`')
+    turns = Input.number(0.0) if arguments.args["rotation"] is None else arguments.number("rotation")
+    given = {
+        ir.Slot.METALLIC: Input.number(1.0), ir.Slot.DIFFUSE: inputs[ir.Slot.SPECULAR], ir.Slot.SPECULAR: inputs[ir.Slot.EDGE],
+        ir.Slot.ROUGHNESS: inputs[ir.Slot.ROUGHNESS], ir.Slot.ANISOTROPY: arguments.number("anisotropy"), ir.Slot.ROTATION: turns,
+    }  # fmt: skip
+    shading = ir.Shading.SMOOTH if arguments.shading == ir.Shading.GOURAUD else arguments.shading
+    return openpbr.data(given, shading=shading)
 
 
 ELEMENTS = (
@@ -43,6 +61,14 @@ ELEMENTS = (
                 Arg("kind", "choice", REQUIRED, "the metal; steel has the values of iron", choices=KINDS),
                 roughness(0.1),
                 Arg("color", "color_map", (1.0, 1.0, 1.0), "multiplies its reflectance", keyword=True),
+                Arg(
+                    "anisotropy", "number_map", 0.0, "0: round highlights, 1: lines, as of brushed metal", minimum=0.0, maximum=1.0,
+                    keyword=True,
+                ),
+                Arg(
+                    "rotation", "number_map", None,
+                    "turns from the surface's u to the long side of the highlight, across the scratches; default 0", keyword=True,
+                ),
                 *SURFACE,
                 SHADING,
             ),

@@ -33,6 +33,9 @@ NUMBERS: Mapping[str, tuple[ir.Slot, float, float | None, str]] = {
     "coat_darkening": (Slot.COAT_DARKENING, 1.0, 1.0, "how much the coat darkens and saturates the base by light that it sends back"),
     "fuzz_weight": (Slot.FUZZ, 0.0, 1.0, "weight of the fuzz of fibres or dust over all"),
     "fuzz_roughness": (Slot.FUZZ_ROUGHNESS, 0.5, 1.0, "roughness of the fuzz"),
+    "thin_film_weight": (Slot.FILM, 0.0, 1.0, "weight of a thin film on the base, under the coat: soap, oil, oxide"),
+    "thin_film_thickness": (Slot.FILM_THICKNESS, 0.5, None, "thickness of the film in micrometres"),
+    "thin_film_ior": (Slot.FILM_IOR, 1.4, None, "index of refraction of the film"),
 }
 """Arguments that are numbers: slot, default, maximum, meaning."""
 COLORS: Mapping[str, tuple[ir.Slot, float, str]] = {
@@ -46,6 +49,7 @@ _ORDER = (
     "base_color", "base_weight", "base_metalness", "base_diffuse_roughness", "specular_weight", "specular_color", "specular_roughness",
     "specular_ior", "specular_roughness_anisotropy", "specular_rotation", "coat_weight", "coat_color", "coat_roughness", "coat_ior",
     "coat_roughness_anisotropy", "coat_rotation", "coat_darkening", "fuzz_weight", "fuzz_color", "fuzz_roughness",
+    "thin_film_weight", "thin_film_thickness", "thin_film_ior",
 )  # fmt: skip
 
 
@@ -70,7 +74,7 @@ def _argument(name: str) -> Arg:
         _, grey, meaning = COLORS[name]
         return Arg(name, "color_map", (grey, grey, grey), meaning, keyword=keyword)
     slot, default, most, meaning = NUMBERS[name]
-    if slot in (Slot.IOR, Slot.COAT_IOR):
+    if slot in (Slot.IOR, Slot.COAT_IOR, Slot.FILM_IOR):
         return Arg(name, "number_map", default, meaning, above=0.0, keyword=True)
     least = None if slot in (Slot.ROTATION, Slot.COAT_ROTATION) else 0.0
     return Arg(name, "number_map", default, meaning, minimum=least, maximum=most, keyword=True)
@@ -112,7 +116,7 @@ def _report(row: Any, *carried: ir.Slot) -> None:
     """Report each input that is set and that the format lacks."""
     plain = {slot: (value, value, value) for slot, value, _ in COLORS.values()}
     plain |= {slot: (default, 0.0, 0.0) for slot, default, *_ in NUMBERS.values()}
-    parts = {Slot.COAT: COAT, Slot.FUZZ: FUZZ}
+    parts = {Slot.COAT: COAT, Slot.FUZZ: FUZZ, Slot.FILM: FILM}
     for name, slot in {name: slot for name, (slot, *_) in {**NUMBERS, **COLORS}.items()}.items():
         owner = next((weight for weight, slots in parts.items() if slot in slots), None)
         if slot in carried or (owner is not None and _number(row, owner) == 0.0 and row.texture(owner) < 0):
@@ -123,7 +127,7 @@ def _report(row: Any, *carried: ir.Slot) -> None:
 
 
 COAT = (Slot.COAT_COLOR, Slot.COAT_ROUGHNESS, Slot.COAT_IOR, Slot.COAT_ANISOTROPY, Slot.COAT_ROTATION, Slot.COAT_DARKENING)
-FUZZ = (Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS)
+FUZZ, FILM = (Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS), (Slot.FILM_THICKNESS, Slot.FILM_IOR)
 _BASE = (Slot.DIFFUSE, Slot.BASE_WEIGHT, Slot.METALLIC, Slot.ROUGHNESS)
 
 

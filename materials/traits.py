@@ -165,6 +165,11 @@ def anisotropic(tables: ir.Tables) -> np.ndarray:
     return slabs(tables) & (_may_exceed(tables, Slot.ANISOTROPY) | _may_exceed(tables, Slot.COAT_ANISOTROPY))
 
 
+def filmed(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: materials under a thin film."""
+    return slabs(tables) & _may_exceed(tables, Slot.FILM)
+
+
 def added(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with a lobe beside the classic ones."""
     return _ADDED[tables.materials.model]

@@ -36,11 +36,22 @@ SPECULAR_WEIGHT, SPECULAR, ROUGHNESS, IOR = (int(s) for s in (Slot.SPECULAR_WEIG
 ANISOTROPY, ROTATION, COAT, COAT_COLOR = (int(s) for s in (Slot.ANISOTROPY, Slot.ROTATION, Slot.COAT, Slot.COAT_COLOR))
 COAT_ROUGHNESS, COAT_IOR, COAT_ANISOTROPY = (int(s) for s in (Slot.COAT_ROUGHNESS, Slot.COAT_IOR, Slot.COAT_ANISOTROPY))
 COAT_ROTATION, COAT_DARKENING = int(Slot.COAT_ROTATION), int(Slot.COAT_DARKENING)
+FILM, FILM_THICKNESS, FILM_IOR = int(Slot.FILM), int(Slot.FILM_THICKNESS), int(Slot.FILM_IOR)
 FUZZ, FUZZ_COLOR, FUZZ_ROUGHNESS = int(Slot.FUZZ), int(Slot.FUZZ_COLOR), int(Slot.FUZZ_ROUGHNESS)
 
 
 class NoSlabs(NamedTuple):
     """No material is OpenPBR's."""
+
+
+class NoFilms(NamedTuple):
+    """No material has a thin film."""
+
+
+class Films(NamedTuple):
+    """Some material has a thin film."""
+
+    count: int
 
 
 class SlabTables(NamedTuple):
@@ -49,14 +60,17 @@ class SlabTables(NamedTuple):
     metal: energy_compensation.Albedo
     reflection: dielectric_albedo.Reflection
     turned: Any  # tangent_frame.Turned or Round
+    films: Any  # Films or NoFilms
 
 
 def tables_of(tables: ir.Tables) -> SlabTables | NoSlabs:
     """The tables if a material of an instance is OpenPBR's. General kernels have none: such scenes compile kernels of their own."""
     if not (traits.slabs(tables) & traits.used(tables)).any():
         return NoSlabs()
-    turned = bool((traits.anisotropic(tables) & traits.used(tables)).any())
-    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), tangent_frame.Turned(1) if turned else tangent_frame.Round())
+    used = traits.used(tables)
+    turned = tangent_frame.Turned(1) if (traits.anisotropic(tables) & used).any() else tangent_frame.Round()
+    films = Films(1) if (traits.filmed(tables) & used).any() else NoFilms()
+    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films)
 
 
 def at(tables: Tables, surface: Surface) -> Slabs | None:
@@ -131,7 +145,18 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         here, color, _share(tables, surface, DIFFUSE_ROUGHNESS), metal, bend, ops.clip(gleam, 0.0, 1.0), step_of(ratio, gleam), tint,
         facets, coat, coat_step, coat_ratio, log, coat_facets, dark, fibres, _color(tables, surface, FUZZ_COLOR),
         _share(tables, surface, FUZZ_ROUGHNESS), materials.slabs.metal, materials.slabs.reflection,
+        _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)),
     )  # fmt: skip
+
+
+@helper
+def _film_at(films: Films, plain: Any, tables: Tables, surface: Surface, color: Vec, over: Lane) -> slabs.Film:
+    ratio = ops.maximum(number_of(tables, surface, FILM_IOR) / over, 1.0)
+    root = ops.sqrt(ops.minimum(color[0], 0.98)), ops.sqrt(ops.minimum(color[1], 0.98)), ops.sqrt(ops.minimum(color[2], 0.98))
+    return slabs.Film(_share(tables, surface, FILM), ops.maximum(number_of(tables, surface, FILM_THICKNESS), 0.0), ratio, root)
+
+
+_film = specialize_if_present(_film_at)  # films, None, tables, surface, the metal's colour, the index over the film: Film or None
 
 
 @helper

@@ -15,10 +15,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
-from . import anisotropic_facets, dielectric_albedo, energy_compensation, fuzz, microfacet, oren_nayar
+from . import anisotropic_facets, dielectric_albedo, energy_compensation, fuzz, microfacet, oren_nayar, thin_film
 from .anisotropic_facets import Facets
 
 LEAST = 1e-7
@@ -49,6 +49,16 @@ class Slabs(NamedTuple):
     fuzz_roughness: Lane
     table: energy_compensation.Albedo
     reflection: dielectric_albedo.Reflection
+    film: Any = None  # Film; None in scenes without
+
+
+class Film(NamedTuple):
+    """A thin film between the coat and the base."""
+
+    weight: Lane
+    thickness: Lane  # micrometres
+    ratio: Lane  # index of refraction relative to what lies over it
+    f0: Vec  # √ of the metal's reflectance at normal incidence, below 1
 
 
 class Seen(NamedTuple):
@@ -60,6 +70,7 @@ class Seen(NamedTuple):
     lost: Lane  # of a metal: 1 − E
     again: Lane  # of a metal: h, see energy_compensation
     bright: Vec  # of a metal: its albedo without further bounces
+    passes: Any  # Vec: what a film lets through to a diffuse base, over 1 − R; None in scenes without
 
 
 class Chances(NamedTuple):
@@ -98,7 +109,7 @@ def seen_from(slabs: Slabs, normal: Vec, direction: Vec) -> Seen:
         lost, again = 1.0 - e, energy_compensation.further_bounces(slabs.table, cosine, alpha)
         f0 = slabs.color
         bright = f0[0] * (e - b) + b, f0[1] * (e - b) + b, f0[2] * (e - b) + b
-    return Seen(base, coat, path, lost, again, bright)
+    return Seen(base, coat, path, lost, again, bright, _film_passes(slabs.film, None, slabs, cosine, alpha, base))
 
 
 @helper
@@ -162,8 +173,71 @@ def _base_reflectance(slabs: Slabs, cosine: Lane) -> Vec:
     """Fresnel's reflectance of the base's facets."""
     plain = (1.0 - slabs.metal) * dielectric_albedo.reflectance(cosine, slabs.step)
     metal, share, tint = metal_reflectance(slabs, cosine), slabs.metal * slabs.gleam, slabs.tint
-    return share * metal[0] + plain * tint[0], share * metal[1] + plain * tint[1], share * metal[2] + plain * tint[2]
+    bare = share * metal[0] + plain * tint[0], share * metal[1] + plain * tint[1], share * metal[2] + plain * tint[2]
+    return _under_film(slabs.film, bare, slabs, cosine, metal)
 
+
+@helper
+def _filmed(film: Film, bare: Vec, slabs: Slabs, cosine: Lane, metal: Vec) -> Vec:
+    """The reflectance of the base's facets with a film of a weight."""
+    plain = _film_over_dielectric(film, slabs, cosine)
+    glossy, f0 = thin_film.reflectance(cosine, film.ratio, film.thickness, _indices(film.f0)), slabs.color
+    fifth = ops.power(ops.maximum(1.0 - cosine, 0.0), 5.0)
+    share, tint = slabs.metal * slabs.gleam, slabs.tint
+    both = (
+        share * glossy[0] * _edge(metal[0], f0[0], fifth) + (1.0 - slabs.metal) * plain[0] * tint[0],
+        share * glossy[1] * _edge(metal[1], f0[1], fifth) + (1.0 - slabs.metal) * plain[1] * tint[1],
+        share * glossy[2] * _edge(metal[2], f0[2], fifth) + (1.0 - slabs.metal) * plain[2] * tint[2],
+    )  # fmt: skip
+    return ops.lerp3(bare, both, film.weight)
+
+
+@helper
+def _edge(metal: Lane, f0: Lane, fifth: Lane) -> Lane:
+    """What the tint of a metal leaves of Schlick's reflectance."""
+    return ops.minimum(metal / ops.maximum(f0 + (1.0 - f0) * fifth, 1e-4), 1.0)
+
+
+@helper
+def _indices(root: Vec) -> Vec:
+    """The real index of refraction with a reflectance of root² at normal incidence."""
+    return (1.0 + root[0]) / (1.0 - root[0]), (1.0 + root[1]) / (1.0 - root[1]), (1.0 + root[2]) / (1.0 - root[2])
+
+
+@helper
+def _film_over_dielectric(film: Film, slabs: Slabs, cosine: Lane) -> Vec:
+    return thin_film.reflectance(cosine, film.ratio, film.thickness, _indices((slabs.step, slabs.step, slabs.step)))
+
+
+@helper
+def _film_lets_through(film: Film, plain: Any, slabs: Slabs, cosine: Lane, alpha: Lane, base: Lane) -> Vec:
+    """What passes a film of rough facets to a diffuse base, over 1 − R: the film's reflectance at a middle angle scales R."""
+    middle = cosine + 0.5 * alpha * (1.0 - cosine)
+    bare = ops.maximum(dielectric_albedo.reflectance(middle, slabs.step), 1e-3)
+    tinted = _film_over_dielectric(film, slabs, middle)
+    scale, over = ops.maximum(base, 1e-3) / bare, 1.0 / ops.maximum(1.0 - base, LEAST)
+    return (
+        _let_through(tinted[0] * scale, base, over, film.weight), _let_through(tinted[1] * scale, base, over, film.weight),
+        _let_through(tinted[2] * scale, base, over, film.weight),
+    )  # fmt: skip
+
+
+@helper
+def _let_through(reflected: Lane, base: Lane, over: Lane, weight: Lane) -> Lane:
+    return ops.maximum(1.0 - ops.lerp(base, reflected, weight), 0.0) * over
+
+
+_under_film = specialize_if_present(_filmed)  # film, the reflectance without it, slabs, cosine, the metal's reflectance
+_film_passes = specialize_if_present(_film_lets_through)  # film, None, slabs, cosine, α, R: `Seen.passes`
+
+
+@helper
+def _least_of(passes: Vec, light: Vec, other: Vec) -> Vec:
+    least = ops.minimum(passes[0], other[0]), ops.minimum(passes[1], other[1]), ops.minimum(passes[2], other[2])
+    return ops.mul(light, least)
+
+
+_past_film = specialize_if_present(_least_of)  # what passes by one direction, light below, what passes by the other
 
 @helper
 def chances(slabs: Slabs, out: Seen, cosine: Lane) -> Chances:
@@ -225,7 +299,7 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
 
     passed = (1.0 - slabs.metal) * (1.0 - out.base) * (1.0 - into.base) * (1.0 - out.coat) * (1.0 - into.coat) / _opening(slabs)
     matt = oren_nayar.value(slabs.color, slabs.diffuse_roughness, cos_in, cos_out, ops.dot(to_light, to_viewer))
-    matt = ops.mul(ops.scale(matt, passed * cos_lit), below)
+    matt = _past_film(out.passes, ops.mul(ops.scale(matt, passed * cos_lit), below), into.passes)
     density = glossy + chance.matt * cos_lit * (1.0 / math.pi)
     if ops.any_lane(slabs.fuzz > 0.0):
         spread = fuzz.density(slabs.fuzz_roughness, normal, to_light, to_viewer)

@@ -215,3 +215,13 @@ def test_a_colour_that_reflects_more_than_it_gets(said, color: str, channel: str
 
 def test_colours_of_light_may_exceed_one(said) -> None:
     assert said("sphere(1, material: emissive(rgb(255, 128, 0)))\nbox(1, material: lambert(rgb(1, 1, 1)))" + REST) == ""
+
+
+def test_an_anisotropic_metal_has_slabs(compiled) -> None:
+    """Its reflectance is that of the round one; without an anisotropy it stays microfacets."""
+    table = compiled('sphere(1, material: metal("gold", anisotropy: 0.5, rotation: 0.25))').tables.materials
+    plain = compiled('sphere(1, material: metal("gold"))').tables.materials
+    assert (table.model[-1], plain.model[-1]) == (Model.OPENPBR, Model.METAL)
+    assert (table.values[-1, Slot.DIFFUSE] == plain.values[-1, Slot.SPECULAR]).all()
+    assert (table.values[-1, Slot.SPECULAR] == plain.values[-1, Slot.EDGE]).all()
+    assert table.values[-1, [Slot.ANISOTROPY, Slot.ROTATION], 0].tolist() == [0.5, 0.25]

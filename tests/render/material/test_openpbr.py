@@ -30,9 +30,13 @@ WHITE = {
     "half metal": {"base_metalness": 0.5},
     "lines": {"specular_roughness_anisotropy": 0.9},
     "metal of lines": {"base_metalness": 1, "specular_roughness_anisotropy": 0.9},
+    "film": {"thin_film_weight": 1, "thin_film_ior": 1.9, "thin_film_thickness": 0.12},
+    "film on metal": {"thin_film_weight": 1, "base_metalness": 1, "thin_film_thickness": 0.3},
     "all": {"base_metalness": 0.3, "base_diffuse_roughness": 0.5, "coat_weight": 0.7, "coat_roughness": 0.4, "fuzz_weight": 0.5},
 }
-LEAST = {"metal of lines": 0.6, "lines": 0.88, "coated metal": 0.93, "rough base": 0.95}  # at any roughness and angle
+LEAST = {
+    "film": 0.85, "film on metal": 0.6, "metal of lines": 0.6, "lines": 0.88, "coated metal": 0.93, "rough base": 0.95,
+}  # fmt: skip; at any roughness and angle
 
 
 @pytest.mark.long
@@ -139,16 +143,15 @@ def test_equal_roughnesses_are_round_facets():
     assert np.allclose(anisotropic_facets.distribution(facets, anisotropic_facets.to_frame(facets, UP, half)), expected)
 
 
-def test_the_highlight_is_long_across_the_tangent():
-    """Facets are rough along the tangent, so that the highlight of brushed metal is long there, at a right angle to the scratches."""
+def test_the_highlight_is_long_along_the_tangent():
+    """Facets are rough along the tangent, so that the highlight is long there, at a right angle to the scratches of brushed metal."""
     arguments = {"base_metalness": 1, "specular_roughness": 0.4, "specular_roughness_anisotropy": 0.8}
-    for turns, long in ((0.0, 0), (0.25, 2)):
+    for turns in (0.0, 0.25):
         shader = point_of(given(**arguments, specular_rotation=turns))[1]
-        along = shader.slabs.facets.along
-        found = [float(bsdf.reflected(shader, UP, towards(0.5, turn), UP)[0]) for turn in (0.0, math.pi / 2)]
-        axis = int(np.argmax(np.abs([float(np.ravel(c)[0]) for c in along])))
-        assert (found[0] > 3 * found[1]) == (axis == 0), (turns, long, along, found)
-        assert (found[1] > 3 * found[0]) == (axis == 2), (turns, long, along, found)
+        lengthwise, across = (tuple(float(np.ravel(c)[0]) for c in axis) for axis in shader.slabs.facets[:2])
+        light = [tuple(0.5 * c + 0.87 * up for c, up in zip(axis, UP, strict=True)) for axis in (lengthwise, across)]
+        found = [float(np.ravel(bsdf.reflected(shader, UP, ops.normalize(each), UP)[0])[0]) for each in light]
+        assert found[0] > 10 * found[1], (turns, found)
 
 
 def test_oren_nayar():
@@ -176,7 +179,7 @@ def test_fuzz_sends_on_its_albedo():
 def test_a_plain_dielectric_is_nearly_principled():
     """The same base under facets of the same width; Schlick's approximation is not Fresnel's equations."""
     shader, other = point_of(given(base_color=0.5))[1], principled_point(principled(diffuse=0.5, ior=1.5, roughness=0.3))[1]
-    for angle in (0.0, 0.5, 0.9):
+    for angle in (0.0, 0.3, 0.5):
         for light in (towards(0.2, 0.5), towards(0.8, 2.0), towards(angle, math.pi)):
             one, two = (float(np.ravel(bsdf.reflected(s, UP, light, towards(angle))[0])[0]) for s in (shader, other))
             assert one == pytest.approx(two, rel=0.04), (angle, light)
@@ -189,13 +192,13 @@ def test_a_coat_of_its_color():
     light = towards(0.02, 1.0)
     a, b = bsdf.eval_diffuse(plain, UP, light, towards(0.02)), bsdf.eval_diffuse(tinted, UP, light, towards(0.02))
     for before, after, color in zip(a, b, (0.9, 0.5, 0.25), strict=True):
-        assert float(after / before) == pytest.approx(color, rel=2e-3)
+        assert (after / before).item() == pytest.approx(color, rel=2e-3)
 
 
 def test_a_coat_darkens_what_it_covers():
     light = towards(0.4, 1.0)
     shaders = [point_of(given(base_color=0.3, coat_weight=1, coat_darkening=share))[1] for share in (0, 1)]
-    grey, dark = (float(bsdf.eval_diffuse(shader, UP, light, UP)[0]) for shader in shaders)
+    grey, dark = (float(bsdf.eval_diffuse(shader, UP, light, UP)[0].item()) for shader in shaders)
     assert 0.3 * grey < dark < 0.8 * grey
 
 

@@ -29,6 +29,7 @@ class Reader:
 READERS = (
     Reader("scene", (".scene",), "scene"),
     Reader("USD", (".usd", ".usda", ".usdc", ".usdz"), "stage"),
+    Reader("MaterialX", (".mtlx",), "stage"),
     Reader("OBJ", (".obj",), "mesh", "obj", "m", "y", "polygons and points with materials of a .mtl file and pictures"),
     Reader("PLY", (".ply",), "mesh", "ply", "m", "y", "polygons and points with colours and a picture"),
     Reader("STL", (".stl",), "mesh", "stl", "mm", "z", "triangles, in VisCAM's form with colours"),

@@ -27,7 +27,7 @@ _ADVICE = {
     ".dxf .svg": "it is a drawing: FreeCAD extrudes it, and exports .3mf or .stl",
     ".gcode .bgcode .sl1 .ctb": "it is for a printer: take the .3mf or .stl that it was made from",
     ".las .laz .e57 .pcd": "CloudCompare opens it, and exports .ply",
-    ".pbrt .rib .mtlx .vdb": "it is not a mesh: convert its scene to .usdc or .glb",
+    ".pbrt .rib .vdb": "it is not a mesh: convert its scene to .usdc or .glb",
     ".zip .7z .rar .gz .tar": "unpack it, and name a file in it",
     ".png .jpg .jpeg .tif .tiff .exr .hdr .webp .gif": 'it is a picture: a scene shows it by image("{name}")',
 }

@@ -127,6 +127,43 @@ class GraphBuilder:
             result = self.add(result, name)
         return result
 
+    # --- values that depend on others ------------------------------------------------------------------------------------
+
+    def _operands(self, name: int) -> list[int]:
+        """The operands of a row; none of an input or a constant."""
+        if not INPUTS <= name < U:
+            return []
+        if self.rows[name - INPUTS][0] == GraphOp.CHANNEL:
+            return [self._first_of(name)]
+        op, *operands = self.rows[name - INPUTS]
+        return operands[: arity(op)]
+
+    def reads(self, name: int, inputs: Sequence[int]) -> bool:
+        """Whether a value depends on one of some inputs."""
+        waiting, seen = [name], {name}
+        while waiting:
+            fresh = set(self._operands(waiting.pop())) - seen
+            seen |= fresh
+            waiting += fresh
+        return bool(seen & set(inputs))
+
+    def replayed(self, name: int, inputs: dict[int, int]) -> int:
+        """A value again, with other values in place of some inputs."""
+        places = dict(inputs)
+        for row in range(INPUTS, name + 1 if name < U else INPUTS):
+            op, *operands = self.rows[row - INPUTS]
+            if op == GraphOp.CHANNEL:
+                continue
+            names = [places.get(operand, operand) for operand in operands[: arity(op)]]
+            if names == operands[: arity(op)]:
+                continue
+            if op == GraphOp.LOOK_UP:
+                texels = self.look_up(int(self.constants[~operands[2]]), names[0], names[1])
+                places |= {row + k: texel for k, texel in enumerate(texels)}
+            else:
+                places[row] = self.op(op, *names)
+        return places.get(name, name)
+
     # --- tapes --------------------------------------------------------------------------------------------------------------
 
     def finish(self, *results: int) -> Tape:

@@ -24,18 +24,18 @@ from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, Textu
 from .. import images
 from ..common import uv_sets, vertex_numbers
 from ..common.replacements import Replacements
-from . import stage
+from . import graph_textures, sources
 from .assets import Asset, asset, contents
 from .audit import Audit
-from .network import Fit, Network, Picture, Primvar
 from .shaders import materialx, scattering
+from .shaders.network import Fit, Graph, Network, Picture, Primvar
+from .sources import Sources
 from .stage import Opened, Warnings, primvar_mean
 
 DISPLAY_COLOR, DISPLAY_OPACITY = "displayColor", "displayOpacity"
 DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
 _WRAPS = {"repeat": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "black": ir.Wrap.BLACK, "useMetadata": ir.Wrap.BLACK}
 _WRAPS |= materialx.WRAPS
-_READERS = ("UsdPrimvarReader_", "ND_UsdPrimvarReader_", "ND_geompropvalue_")
 _CONTEXTS = ("", "mtlx", "arnold")  # render contexts in which a surface is looked for
 _SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -51,9 +51,6 @@ _NUMBERS = {
 }  # fmt: skip
 
 
-MOST_NODES = 64  # shaders one behind the other
-
-
 @dataclass(slots=True)
 class Materials:
     """The materials of one stage; each network is read once and each row created once."""
@@ -64,14 +61,16 @@ class Materials:
     bindings: dict[tuple[str, str], Any] = field(default_factory=dict)
     warnings: Warnings = field(init=False)
     audit: Audit = field(init=False)
+    sources: Sources = field(init=False)
     _rows: dict[Any, int] = field(default_factory=dict)  # of networks that read no primvars, by path and fit
     _fit: Fit = field(default_factory=Fit)  # of the row that is being made
-    _depth: int = 0  # of the shader that is being read
+    _plain: str = "st"  # the coordinates of its mesh
     replaced: Replacements = field(default_factory=Replacements)
 
     def __post_init__(self) -> None:
         self.warnings = Warnings(self.opened, self.builder.diagnostics)
         self.audit = Audit(self.warnings)
+        self.sources = Sources(self.warnings, self.audit)
 
     def tell(self, message: str, prim: Any) -> None:
         """Emits a warning, once for each message."""
@@ -110,15 +109,15 @@ class Materials:
             return None
         kind = shader.GetIdAttr().Get()
         if kind in materialx.MODELS:
-            mapped = materialx.surface(shader, kind, self._source, lambda message: self.tell(message, shader.GetPrim()))
+            mapped = materialx.surface(shader, kind, self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **mapped, "displacement": 0.0})
         if kind == scattering.GRAPH:
-            graph = scattering.Graph(self._source, lambda message: self.tell(message, shader.GetPrim()))
+            graph = scattering.Graph(self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **graph.read(shader), "displacement": 0.0})
         if kind not in materialx.PREVIEW:
             self.tell(f"the surface shader `{kind}` is not drawn: its prims show their displayColor", prim)
             return None
-        inputs = {name: self._source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
+        inputs = {name: self.sources.source(shader.GetInput(name), fallback) for name, fallback in _FALLBACKS.items()}
         self.audit.shader(shader.GetPrim(), kind)
         moved, filled = material.ComputeDisplacementSource()[0], material.ComputeVolumeSource()[0]
         for name, source in (("displacement", moved), ("volume", filled)):
@@ -126,91 +125,10 @@ class Materials:
                 self.tell(f"the {name} of materials by another shader is not drawn", prim)
         moves = moved and moved.GetPath() == shader.GetPath()
         displacement = shader.GetInput("displacement")
-        inputs["displacement"] = self._source(displacement, 0.0) if moves else 0.0
-        if not moves and not moved and self._source(displacement, 0.0) != 0.0:
+        inputs["displacement"] = self.sources.source(displacement, 0.0) if moves else 0.0
+        if not moves and not moved and self.sources.source(displacement, 0.0) != 0.0:
             self.tell("the displacement of this material is not drawn: its outputs:displacement is not connected", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
-
-    def _source(self, shader_input: Any, fallback: Any) -> Any:
-        """Source of an input: a value, Picture or Primvar, resolved through node graphs and interfaces."""
-        if not shader_input:
-            return fallback
-        if self._depth == MOST_NODES:
-            self.tell(f"more than {MOST_NODES} shaders feed each other: the input takes its default", shader_input.GetPrim())
-            return fallback
-        self._depth += 1
-        try:
-            return self._resolved(shader_input, fallback)
-        finally:
-            self._depth -= 1
-
-    def _value(self, shader_input: Any, fallback: Any) -> Any:
-        """An input that is a value; `fallback` for a Picture or Primvar."""
-        value = self._source(shader_input, fallback)
-        return fallback if isinstance(value, Picture | Primvar) else value
-
-    def _resolved(self, shader_input: Any, fallback: Any) -> Any:
-        for attribute in shader_input.GetValueProducingAttributes():
-            node = self._node(attribute)
-            if node is None:
-                value = stage.value(attribute, self.opened.time)
-                return fallback if value is None else self._linear(attribute, value)
-            kind = str(node.GetIdAttr().Get())
-            output = str(attribute.GetName()).rpartition(":")[2]
-            self.audit.shader(node.GetPrim(), kind)
-            if materialx.is_picture(kind):
-                varname, frame = self._coordinates(node, kind)
-                return Picture(node, output, varname, frame)
-            if kind.startswith(_READERS):
-                name = self._text(node, "varname") or self._text(node, "geomprop")
-                return Primvar(name, self._source(node.GetInput("fallback") or node.GetInput("default"), fallback))
-            if (passed := materialx.through(node, kind, output, self._source, fallback)) is not NotImplemented:
-                return passed
-            self.tell(f"the shader `{kind}` is not drawn: the input it feeds takes its default", node.GetPrim())
-        return fallback
-
-    def _linear(self, attribute: Any, value: Any) -> Any:
-        """A value, in linear colours with the primaries of sRGB if it is one of three numbers."""
-        if attribute.GetTypeName().role != "Color" or len(value) != 3:
-            return value
-        return type(value)(*map(float, stage.linear(attribute, np.array(value, np.float64))))
-
-    def _node(self, attribute: Any) -> Any:
-        """The shader that owns an output attribute; None for a value."""
-        shader = UsdShade.Shader(attribute.GetPrim())
-        return shader if shader and UsdShade.Output.IsOutput(attribute) else None
-
-    def _text(self, node: Any, name: str) -> str:
-        return str(self._value(materialx.alias(node, name), ""))
-
-    def _coordinates(self, node: Any, kind: str) -> tuple[str, Any]:
-        """The primvar of a texture's st input, and the frame of the UsdTransform2d nodes between: scaled, rotated, translated."""
-        frame = materialx.tiling(node, self._value) if kind.startswith("ND_tiledimage_") else np.eye(3)
-        shader_input = node.GetInput("st") or node.GetInput("texcoord")
-        for _ in range(16):
-            attributes = shader_input.GetValueProducingAttributes() if shader_input else []
-            source = self._node(attributes[0]) if attributes else None
-            if source is None:
-                return "st", _rows(frame)
-            kind = str(source.GetIdAttr().Get())
-            self.audit.shader(source.GetPrim(), kind)
-            if kind in ("UsdTransform2d", "ND_UsdTransform2d", "ND_place2d_vector2"):
-                placed = kind == "ND_place2d_vector2"
-                frame = frame @ (materialx.place2d(source, self._value) if placed else self._transform2d(source))
-                shader_input = source.GetInput("in") or source.GetInput("texcoord")
-                continue
-            if kind.startswith((*_READERS, "ND_texcoord_")):
-                return self._text(source, "varname") or self._text(source, "geomprop") or "st", _rows(frame)
-            self.tell(f"the shader `{kind}` gives no texture coordinates: `st` is taken", source.GetPrim())
-            break
-        return "st", _rows(frame)
-
-    def _transform2d(self, node: Any) -> np.ndarray:
-        turn = math.radians(float(self._value(node.GetInput("rotation"), 0.0)))
-        sx, sy = self._value(node.GetInput("scale"), (1.0, 1.0))
-        tx, ty = self._value(node.GetInput("translation"), (0.0, 0.0))
-        c, s = math.cos(turn), math.sin(turn)
-        return np.array([[c * sx, -s * sy, tx], [s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
 
     # --- rows ---
 
@@ -244,7 +162,8 @@ class Materials:
         return self._rows[key]
 
     def _row(self, network: Network, prim: Any, fit: Fit) -> int:
-        i, self._fit = network.inputs, fit
+        i, self._fit, self._plain = network.inputs, fit, next(iter(network.varnames), "st")
+        normal, bump = self._normals(i["normal"], prim)
         diffuse = Input(WHITE) if fit.colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
@@ -254,7 +173,7 @@ class Materials:
         surface = metallic_roughness.Surface(
             diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
             opacity=self._opacity(i["opacity"], prim), threshold=threshold,
-            highlights_stay=threshold <= 0 and str(i["opacityMode"]) != "presence", normal=self._normal(i["normal"], prim),
+            highlights_stay=threshold <= 0 and str(i["opacityMode"]) != "presence", normal=normal, bump=bump,
             sheen=self._color(i.get("sheenColor", BLACK), BLACK, prim),
             sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), transmission=0.0, name=network.name, **numbers,
         )  # fmt: skip
@@ -267,7 +186,16 @@ class Materials:
         thin = bool(i.get("thinWalled", False))
         return scattering.row(self.builder, surface, body, sheet, thin, span, lambda message: self.tell(message, prim))
 
+    def _graph(self, graph: Graph, count: int, prim: Any) -> int:
+        """The row of a graph's texture of 1 or 3 numbers, or NONE."""
+        return graph_textures.row(self._host(prim), graph, count, self.opened.span(graph.node.place))
+
+    def _host(self, prim: Any) -> graph_textures.FileHost:
+        return graph_textures.FileHost(self.builder, self.warnings, self._fit, _WRAPS, prim, self._plain)
+
     def _color(self, source: Any, fallback: Color, prim: Any) -> Input:
+        if isinstance(source, Graph):
+            return Input(WHITE, row) if (row := self._graph(source, 3, prim)) != NONE else Input(fallback)
         if isinstance(source, Picture):
             texture, value = self._texture(source)
             return Input(WHITE, texture) if texture != NONE else Input(value)
@@ -275,6 +203,14 @@ class Materials:
         if not np.isfinite(_floats(resolved)).all():
             self.tell("a colour of this prim's material is not finite: its default is drawn", prim)
         return Input(self.without_negatives(_rgb(resolved, fallback), prim, "a colour of this prim's material"))
+
+    def _normals(self, source: Any, prim: Any) -> tuple[Input | None, Input | None]:
+        """A normal map and a map of heights; None for absent ones."""
+        if not isinstance(source, Graph):
+            return self._normal(source, prim), None
+        bent = graph_textures.bent(self._host(prim), source, self.opened.span(source.node.place))
+        normal = None if bent.normal == NONE else Input((*bent.strength, 1.0), bent.normal)
+        return normal, None if bent.bump == NONE else Input.number(1.0, bent.bump)
 
     def _normal(self, source: Any, prim: Any) -> Input | None:
         """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""
@@ -303,6 +239,8 @@ class Materials:
 
     def _opacity(self, source: Any, prim: Any) -> Input:
         """The opacity: of a texture whose image is missing, its node's fallback."""
+        if isinstance(source, Graph):
+            return Input.number(1.0, row) if (row := self._graph(source, 1, prim)) != NONE else Input.number(1.0)
         if isinstance(source, Picture):
             texture, _ = self._texture(source)
             fallback = self._levels(source)[2][_CHANNELS.get(source.output, 0)]
@@ -313,6 +251,8 @@ class Materials:
 
     def _number(self, source: Any, fallback: float, prim: Any) -> Input:
         """A number, the channel of a connected texture, or the primvar that is the mesh's u."""
+        if isinstance(source, Graph):
+            return Input.number(1.0, row) if (row := self._graph(source, 1, prim)) != NONE else Input.number(fallback)
         if isinstance(source, Primvar) and source.name == self._fit.number and fallback <= 1.0:
             return Input.number(1.0, vertex_numbers.texture(self.builder))
         if not isinstance(source, Picture):
@@ -324,6 +264,9 @@ class Materials:
 
     def _mean_of(self, source: Any, fallback: float, prim: Any) -> float:
         """A number that must be constant over the surface."""
+        if isinstance(source, Graph):
+            self.tell(f"a texture stands where one number is wanted: its default is drawn (`{source.node.definition}`)", prim)
+            return fallback
         if isinstance(source, Picture):
             self.tell(f"a picture stands where one number is wanted: its fallback is drawn (`{source.shader.GetPath().name}`)", prim)
             return float(self._levels(source)[2][_CHANNELS.get(source.output, 0)])
@@ -363,26 +306,26 @@ class Materials:
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.opened.span(picture.shader.GetPrim()), failure.hint)
             return NONE, (missing[0], missing[1], missing[2])
-        frame = picture.frame if map_ is uv_sets.PLAIN else _rows(np.array(picture.frame) @ map_)
+        frame = picture.frame if map_ is uv_sets.PLAIN else sources.rows(np.array(picture.frame) @ map_)
         mapping = self._mapping(picture, file, frame, _CHANNELS.get(picture.output, -1 if color or raw else 0))
         return self.builder.texture(replace(mapping, image=row), self.opened.span(picture.shader.GetPrim())), WHITE
 
     def _space(self, picture: Picture) -> str:
-        written = self._text(picture.shader, "sourceColorSpace")
+        written = self.sources.text(picture.shader, "sourceColorSpace")
         return _SPACES.get(written, "auto") if written else materialx.color_space(picture.shader)
 
     def _mapping(self, picture: Picture, file: Asset, frame: Any, channel: int) -> TextureData:
         """Wrap modes, frame, channel, gain and bias of a picture, without its image."""
         gain, bias, _ = self._levels(picture)
         plain = "useMetadata" if "UVTexture" in str(picture.shader.GetIdAttr().Get()) else "periodic"
-        wrap_u, wrap_v = (_WRAPS.get(self._text(picture.shader, key) or plain, ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
+        wrap_u, wrap_v = (_WRAPS.get(self.sources.text(picture.shader, key) or plain, ir.Wrap.BLACK) for key in ("wrapS", "wrapT"))
         if file.tiles is not None:
             wrap_u, wrap_v, frame = ir.Wrap.CLAMP, ir.Wrap.CLAMP, file.tiles.frame(frame)
         if channel >= 0:
             gain, bias = (gain[channel],) * 4, (bias[channel],) * 4
         return TextureData(
             ir.TextureKind.IMAGE, wrap_u=wrap_u, wrap_v=wrap_v, channel=channel, frame=frame, gain=gain[:3], bias=bias[:3],
-            nearest=self._text(picture.shader, "filtertype") == "closest",
+            nearest=self.sources.text(picture.shader, "filtertype") == "closest",
         )  # fmt: skip
 
     def heights(self, network: Network, prim: Any) -> float | tuple[TextureData, np.ndarray]:
@@ -407,15 +350,15 @@ class Materials:
     def _levels(self, picture: Picture) -> tuple[Any, Any, Any]:
         """Scale, bias and fallback of a UsdUVTexture, four floats each."""
         defaults = {"scale": (1.0,) * 4, "bias": (0.0,) * 4, "fallback": (0.0, 0.0, 0.0, 1.0)}
-        levels = {k: self._value(picture.shader.GetInput(k), v) for k, v in defaults.items()}
+        levels = {k: self.sources.value(picture.shader.GetInput(k), v) for k, v in defaults.items()}
         if plain := picture.shader.GetInput("default"):
-            levels["fallback"] = (*np.ravel(self._value(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
+            levels["fallback"] = (*np.ravel(self.sources.value(plain, (0.0, 0.0, 0.0))), 0.0, 0.0, 1.0)[:4]
         scale, bias, fallback = (tuple(map(float, v)) if len(v) == 4 else defaults[k] for k, v in levels.items())
         return tuple(v * picture.gain for v in scale), tuple(v * picture.gain + picture.bias for v in bias), fallback
 
     def file(self, picture: Picture) -> Asset | None:
         """The file of a picture, with all its tiles."""
-        return asset(self._value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
+        return asset(self.sources.value(picture.shader.GetInput("file"), None), self.warnings, picture.shader.GetPrim())
 
     def _picture(self, picture: Picture) -> Asset | None:
         return None if (file := self.file(picture)) is None else file.among(self._fit.tiles)
@@ -442,8 +385,3 @@ def _rgb(value: Any, fallback: Color) -> Color:
     except (TypeError, ValueError):
         return fallback
     return (numbers[0], numbers[1], numbers[2]) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else fallback
-
-
-def _rows(frame: np.ndarray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    u, v = (frame[:2] + 0.0).tolist()
-    return (u[0], u[1], u[2]), (v[0], v[1], v[2])

@@ -17,8 +17,8 @@ from ...mesh.polygon_mesh import corner_values
 from ..common import uv_sets
 from . import geometry, stage
 from .materials import DISPLAY_COLOR, DISPLAY_OPACITY, Materials
-from .network import Fit, Network, Picture
 from .pictures import udim
+from .shaders.network import Fit, Network, Picture
 
 _UV_NAMES = ("st", "UVMap", "uv", "map1", "Texture_uv")
 

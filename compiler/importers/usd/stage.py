@@ -19,7 +19,7 @@ from ....lang.diagnostics import Diagnostics, Span, suggest
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
 from .instancing import prototypes
-from .layers import access, crate_check, packages, prim_count, repair
+from .layers import access, crate_check, mtlx_scenes, packages, prim_count, repair
 from .layers.reports import Reports, reason
 from .layers.spec_tree import SpecTree
 
@@ -287,7 +287,7 @@ def _open(path: Path, options: StageOptions, may: access.Access, diagnostics: Di
     if why := crate_check.fault(path):
         diagnostics.error(f"cannot read the stage `{path.name}`: {why}", span)
         return None
-    root = repair.opened(path, diagnostics, stand_ins)
+    root = mtlx_scenes.layer(path, diagnostics) if path.suffix.lower() == ".mtlx" else repair.opened(path, diagnostics, stand_ins)
     if root is None or not root.pseudoRoot:
         return None
     repair.clear_metadata(root, diagnostics)

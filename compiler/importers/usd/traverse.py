@@ -23,7 +23,7 @@ from .instancing.pieces import Piece, merged
 from .instancing.prototypes import Prototypes
 from .layers.reports import left_out
 from .materials import DEFAULT_COLOR, DISPLAY_COLOR, DISPLAY_OPACITY, Materials
-from .network import Fit, Network, Picture
+from .shaders.network import Fit, Network, Picture
 from .stage import Opened, numbers, primvar_mean
 
 MAX_INSTANCES = 4_000_000

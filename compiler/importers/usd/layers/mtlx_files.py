@@ -1,17 +1,16 @@
 """Reads MaterialX documents (.mtlx) as USD layers, for which usd-core has no file format.
 
-The layer has the prims of OpenUSD's UsdMtlx plugin: /MaterialX/Materials/NAME, with shaders and node graphs below each material.
-Format: MaterialX Specification 1.39.
+The layer has the prims of OpenUSD's UsdMtlx plugin: /MaterialX/Materials/NAME, with shaders and node graphs below each material. The
+package MaterialX upgrades documents of older versions to 1.39 and finds the definitions of nodes.
 """
 
 # pyright: reportAttributeAccessIssue=false
-# (usd-core creates its modules' names at run time)
+# (usd-core and MaterialX create their modules' names at run time)
 
 from __future__ import annotations
 
 import codecs
 import os
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,47 +21,88 @@ from pxr import Sdf, Tf, Usd, UsdShade
 
 from .....lang.diagnostics import Diagnostics, Span
 from ....io.regular_files import read_bytes
+from ...materialx import library
 
 _TYPES = {
     "float": Sdf.ValueTypeNames.Float, "integer": Sdf.ValueTypeNames.Int, "boolean": Sdf.ValueTypeNames.Bool,
     "color3": Sdf.ValueTypeNames.Color3f, "color4": Sdf.ValueTypeNames.Color4f, "vector2": Sdf.ValueTypeNames.Float2,
     "vector3": Sdf.ValueTypeNames.Float3, "vector4": Sdf.ValueTypeNames.Float4, "string": Sdf.ValueTypeNames.String,
-    "filename": Sdf.ValueTypeNames.Asset,
+    "filename": Sdf.ValueTypeNames.Asset, "matrix33": Sdf.ValueTypeNames.Matrix3d, "matrix44": Sdf.ValueTypeNames.Matrix4d,
 }  # fmt: skip
-_COUNTS = {"color3": 3, "color4": 4, "vector2": 2, "vector3": 3, "vector4": 4}
-_BLANKS = " \t\r\n,"
-_SEPARATORS = re.compile(r"[\s,]+")  # of the numbers of a value, as the library of MaterialX separates them
+_CLOSURES = ("BSDF", "EDF", "VDF", "surfaceshader", "displacementshader", "volumeshader", "material")
 _ROOT = Sdf.Path("/MaterialX/Materials")
+MOST_INCLUDES = 64
 
 
 def layer(path: Path, diagnostics: Diagnostics) -> Any:
     """An anonymous layer with the materials of a document; None, with a warning, for one that is not MaterialX."""
     span = Span(path.name)
 
-    def warn(message: str) -> None:
-        diagnostics.warning(message, span)
+    def warn(message: str, hint: str = "") -> None:
+        diagnostics.warning(message, span, hint)
 
+    mx = library.package()
+    if mx is None:
+        warn(f"the MaterialX file `{path.name}` is not read: the package MaterialX is not installed", "pip install MaterialX")
+        return None
     try:
-        root = ElementTree.fromstring(_without_blanks(read_bytes(path)))
-    except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
+        root = _parsed(path, warn)
+        document = mx.createDocument()
+        options = mx.XmlReadOptions()
+        options.readXIncludeFunction = None
+        mx.readFromXmlString(document, ElementTree.tostring(root, encoding="unicode"), mx.FileSearchPath(), options)
+        document.setDataLibrary(library.document())
+    except (ElementTree.ParseError, OSError, ValueError, LookupError, RuntimeError) as failure:
         warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
         return None
     new_layer = Sdf.Layer.CreateAnonymous(".usda")
     stage = Usd.Stage.Open(new_layer)
     stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
-    materials = root.findall("surfacematerial")
+    materials = list(document.getMaterialNodes()) or [node for node in document.getNodes() if node.getType() == "surfaceshader"]
     if not materials:
         warn(f"`{path.name}` has no `surfacematerial`: nothing of it is drawn")
-    for unread in sorted({child.tag.rpartition("}")[2] for child in root} & {"include", "look", "material"}):
-        warn(f"the elements `{unread}` of `{path.name}` are not drawn")
-    for element in materials:
-        prim_path = _ROOT.AppendChild(_identifier(element.get("name", "")))
-        document = _Document(stage, root, path.parent, root.get("fileprefix", ""), warn)
-        shader = next((port for port in element.findall("input") if port.get("type") == "surfaceshader"), None)
+    definitions = {element.get("name", "") for element in root.iter() if element.tag.rpartition("}")[2] == "nodedef"}
+    looks = [look for look in document.getLooks() if look.getMaterialAssigns()]
+    if looks:
+        warn(f"the looks of `{path.name}` are not drawn: a stage binds materials to its prims")
+    for node in materials:
+        prim_path = _ROOT.AppendChild(Tf.MakeValidIdentifier(node.getName()))
+        reader = _Document(stage, document, path.parent, definitions, warn)
         material = UsdShade.Material.Define(stage, prim_path)
-        if shader is not None and (source := document.source(shader, root, prim_path)) is not None:
-            material.CreateSurfaceOutput("mtlx").ConnectToSource(source)
+        for type_, output in (("surfaceshader", "surface"), ("displacementshader", "displacement"), ("volumeshader", "volume")):
+            port = next((port for port in node.getInputs() if port.getType() == type_), None)
+            source = None if port is None else reader.source(port, document, prim_path)
+            if node.getType() == type_:
+                source = reader.output(node, "out", document, prim_path)
+            if source is not None:
+                material.CreateOutput(f"mtlx:{output}", Sdf.ValueTypeNames.Token).ConnectToSource(source)
     return new_layer
+
+
+def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
+    """The elements of a document and of the documents that it includes, in or below its folder."""
+    root = ElementTree.fromstring(_without_blanks(read_bytes(path)))
+    folder, read = path.parent.resolve(), {path.resolve()}
+    waiting = [(root, path.parent)]
+    while waiting:
+        parent, where = waiting.pop()
+        for child in [each for each in parent if each.tag.rpartition("}")[2] == "include"]:
+            parent.remove(child)
+            file = (where / child.get("href", "")).resolve()
+            if file in read:
+                continue
+            if not file.is_relative_to(folder) or len(read) > MOST_INCLUDES:
+                warn(f"the document `{child.get('href')}` lies outside of the folder of `{path.name}`: it is left out")
+                continue
+            try:
+                included = ElementTree.fromstring(_without_blanks(read_bytes(file)))
+            except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
+                warn(f"the document `{child.get('href')}` cannot be read: {failure}")
+                continue
+            read.add(file)
+            waiting.append((included, file.parent))
+            root.extend(each for each in included if each.tag.rpartition("}")[2] != "include")
+    return root
 
 
 def _without_blanks(data: bytes) -> bytes:
@@ -71,94 +111,96 @@ def _without_blanks(data: bytes) -> bytes:
     return mark + data.removeprefix(mark).lstrip()
 
 
-def _identifier(name: str) -> str:
-    return Tf.MakeValidIdentifier(name)
-
-
 @dataclass(slots=True)
 class _Document:
     """Copies the nodes that one material uses to prims."""
 
     stage: Any
-    root: ElementTree.Element
+    document: Any
     folder: Path
-    prefix: str
+    definitions: set[str]  # names of those of the document itself
     warn: Callable[[str], None]
     copied: set[Any] = field(default_factory=set)  # paths of prims
 
-    def source(self, port: ElementTree.Element, scope: ElementTree.Element, scope_path: Any) -> Any:
+    def source(self, port: Any, scope: Any, scope_path: Any) -> Any:
         """The path of the output that feeds an input or output of `scope`, whose prim is `scope_path`; None for none."""
-        output = _identifier(port.get("output") or "out")
-        if name := port.get("nodegraph"):
-            graph = self._named(name, self.root)
-            return None if graph is None else self._graph(graph, scope_path, port.get("output"))
-        node = self._named(port.get("nodename", ""), scope)
-        if node is None:
+        output = port.getAttribute("output") or "out"
+        if name := port.getAttribute("nodegraph"):
+            graph = scope.getChild(name) or self.document.getNodeGraph(name)
+            if graph is None:
+                self.warn(f"there is no node graph `{name}`: the input that it feeds takes its default")
+                return None
+            return self._graph(graph, scope_path, port.getAttribute("output"), [], self.document)
+        name = port.getAttribute("nodename")
+        if not name:
             return None
-        path = scope_path.AppendChild(_identifier(node.get("name", "")))
-        if path not in self.copied:
-            self.copied.add(path)
-            self._shader(node, scope, scope_path, path)
-        UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(output, Sdf.ValueTypeNames.Token)
-        return path.AppendProperty(f"outputs:{output}")
-
-    def _named(self, name: str, scope: ElementTree.Element) -> ElementTree.Element | None:
-        node = next((child for child in scope if child.get("name") == name), None)
+        node = scope.getChild(name)
         if node is None:
             self.warn(f"there is no node `{name}`: the input that it feeds takes its default")
-        return node
+            return None
+        return self.output(node, output, scope, scope_path)
 
-    def _graph(self, graph: ElementTree.Element, scope_path: Any, output: str | None) -> Any:
-        """The path of an output of a node graph, which is copied below `scope_path`."""
-        path = scope_path.AppendChild(_identifier(graph.get("name", "")))
+    def output(self, node: Any, output: str, scope: Any, scope_path: Any) -> Any:
+        """The path of an output of a node, which is copied to a shader, or to a node graph where the document defines it by one."""
+        path = scope_path.AppendChild(Tf.MakeValidIdentifier(node.getName()))
+        definition = node.getNodeDef()
+        is_own = definition is not None and definition.getName() in self.definitions
+        graph = next((g for g in self.document.getNodeGraphs() if g.getNodeDefString() == definition.getName()), None) if is_own else None
+        if graph is not None:
+            inputs = {port.getName(): port for port in definition.getActiveInputs()} | {port.getName(): port for port in node.getInputs()}
+            return self._graph(graph, scope_path, output, list(inputs.values()), scope, path)
+        name = Tf.MakeValidIdentifier(output)
+        if path not in self.copied:
+            self.copied.add(path)
+            shader = UsdShade.Shader.Define(self.stage, path)
+            shader.CreateIdAttr(definition.getName() if definition is not None else f"ND_{node.getCategory()}_{node.getType()}")
+            for port in node.getInputs():
+                self._input(shader, port, scope, scope_path)
+        UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(name, Sdf.ValueTypeNames.Token)
+        return path.AppendProperty(f"outputs:{name}")
+
+    def _graph(self, graph: Any, scope_path: Any, output: str, inputs: list[Any], scope: Any, path: Any = None) -> Any:
+        """The path of an output of a node graph, which is copied below `scope_path`, or to `path` with the inputs of a node."""
+        path = path or scope_path.AppendChild(Tf.MakeValidIdentifier(graph.getName()))
         graph_prim = UsdShade.NodeGraph.Define(self.stage, path)
-        outputs = [child for child in graph.findall("output") if output in (None, child.get("name"))]
-        if not outputs:
-            self.warn(f"the node graph `{graph.get('name')}` has no output `{output}`")
+        outputs = list(graph.getOutputs())
+        chosen = next((each for each in outputs if each.getName() == output), outputs[0] if outputs and output in ("", "out") else None)
+        if chosen is None:
+            self.warn(f"the node graph `{graph.getName()}` has no output `{output}`")
             return None
         if path not in self.copied:
             self.copied.add(path)
-            for port in graph.findall("input"):
-                self._input(graph_prim, port, self.root, scope_path)
-        graph_output = graph_prim.CreateOutput(_identifier(outputs[0].get("name", "out")), Sdf.ValueTypeNames.Token)
-        if (source := self.source(outputs[0], graph, path)) is not None:
+            for port in inputs or graph.getInputs():
+                self._input(graph_prim, port, scope, scope_path)
+        graph_output = graph_prim.CreateOutput(Tf.MakeValidIdentifier(chosen.getName()), Sdf.ValueTypeNames.Token)
+        if not graph_output.HasConnectedSource() and (source := self.source(chosen, graph, path)) is not None:
             graph_output.ConnectToSource(source)
         return graph_output.GetAttr().GetPath()
 
-    def _shader(self, node: ElementTree.Element, scope: ElementTree.Element, scope_path: Any, path: Any) -> None:
-        shader = UsdShade.Shader.Define(self.stage, path)
-        shader.CreateIdAttr(node.get("nodedef") or f"ND_{node.tag}_{node.get('type')}")
-        for port in node.findall("input"):
-            self._input(shader, port, scope, scope_path)
-
-    def _input(self, owner: Any, port: ElementTree.Element, scope: ElementTree.Element, scope_path: Any) -> None:
-        name, type_ = port.get("name", ""), port.get("type", "")
-        if type_ not in _TYPES:
+    def _input(self, owner: Any, port: Any, scope: Any, scope_path: Any) -> None:
+        type_ = port.getType()
+        if type_ not in _TYPES and type_ not in _CLOSURES:
             self.warn(f"inputs of the type `{type_}` are not drawn")
             return
-        shader_input = owner.CreateInput(_identifier(name), _TYPES[type_])
-        if interface := port.get("interfacename"):
-            shader_input.ConnectToSource(scope_path.AppendProperty(f"inputs:{_identifier(interface)}"))
-        elif port.get("nodename") or port.get("nodegraph"):
+        shader_input = owner.CreateInput(Tf.MakeValidIdentifier(port.getName()), _TYPES.get(type_, Sdf.ValueTypeNames.Token))
+        if interface := port.getAttribute("interfacename"):
+            shader_input.ConnectToSource(scope_path.AppendProperty(f"inputs:{Tf.MakeValidIdentifier(interface)}"))
+        elif port.getAttribute("nodename") or port.getAttribute("nodegraph"):
             if (source := self.source(port, scope, scope_path)) is not None:
                 shader_input.ConnectToSource(source)
-        elif (value := self._value(port.get("value", ""), type_)) is not None:
+        elif (value := self._value(port, type_)) is not None:
             shader_input.Set(value)
-        if space := port.get("colorspace"):
+        if type_ in ("color3", "color4", "filename") and (space := port.getActiveColorSpace()):
             shader_input.GetAttr().SetColorSpace(space)
 
-    def _value(self, text: str, type_: str) -> Any:
+    def _value(self, port: Any, type_: str) -> Any:
+        text = port.getValueString()
         if type_ == "filename":
-            return Sdf.AssetPath(os.fspath(self.folder / (self.prefix + text)))
-        if type_ == "string":
-            return text
-        if type_ == "boolean":
-            return text.strip().lower() == "true"
-        try:
-            numbers = tuple(map(float, _SEPARATORS.split(text.strip(_BLANKS))))
-            if len(numbers) == _COUNTS.get(type_, 1):
-                return int(numbers[0]) if type_ == "integer" else numbers[0] if type_ == "float" else numbers
-        except (ValueError, OverflowError):
-            pass
-        self.warn(f"`{text[:40]}` is not of the type {type_}: the input takes its default")
-        return None
+            written = port.getActiveFilePrefix() + text if text else ""
+            return Sdf.AssetPath(os.fspath(self.folder / written)) if written else None
+        if type_ in _CLOSURES or not text:
+            return None
+        value = library.plain(port.getValue(), type_)
+        if value is None:
+            self.warn(f"`{text[:40]}` is not of the type {type_}: the input takes its default")
+        return value

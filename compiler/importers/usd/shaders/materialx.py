@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .... import ir
+from .network import Graph, Picture, Primvar
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,8 @@ PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 _ALIASES = {"wrapS": "uaddressmode", "wrapT": "vaddressmode"}  # of ND_image
 WRAPS = {"periodic": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "constant": ir.Wrap.BLACK}
 _PARTS = {"outr": "r", "outg": "g", "outb": "b", "outa": "a", "outx": "r", "outy": "g", "outz": "b", "outw": "a"}
+_PASSING = ("ND_convert_", "ND_dot_", "ND_normalmap", "ND_separate", "ND_extract_")
+SOURCES = Picture | Primvar | Graph
 Source = Callable[[Any, Any], Any]
 """(an input or None, fallback) → a value, picture or primvar."""
 
@@ -133,20 +136,20 @@ def _scaled(value: Any, weight: float) -> Any:
 
 
 def through(node: Any, kind: str, output: str, source: Source, fallback: Any) -> Any:
-    """The values of nodes that pass others on: constants, conversions, single channels, normal maps. NotImplemented for other nodes."""
+    """A picture or primvar that a node passes on: whole, a channel, or as a normal map. NotImplemented for other nodes and values."""
     if kind.startswith("ND_constant_"):
         return source(node.GetInput("value"), fallback)
-    if kind.startswith(("ND_convert_", "ND_dot_")):
-        return source(node.GetInput("in"), fallback)
+    if not kind.startswith(_PASSING):
+        return NotImplemented
+    passed = source(node.GetInput("in"), fallback)
     if kind.startswith("ND_normalmap"):
-        passed = source(node.GetInput("in"), fallback)
-        strength = float(np.mean(source(node.GetInput("scale"), 1.0)))
-        return passed.as_normals(strength) if hasattr(passed, "as_normals") else fallback
+        scale = source(node.GetInput("scale"), 1.0)
+        fixed = isinstance(passed, Picture) and not isinstance(scale, SOURCES)
+        return passed.as_normals(float(np.mean(scale))) if fixed else NotImplemented
     if kind.startswith(("ND_separate", "ND_extract_")):
-        passed = source(node.GetInput("in"), fallback)
         part = "rgba"[int(source(node.GetInput("index"), 0)) % 4] if kind.startswith("ND_extract_") else _PARTS.get(output, "r")
-        return passed.part(part) if hasattr(passed, "part") else fallback
-    return NotImplemented
+        return passed.part(part) if isinstance(passed, Picture) else NotImplemented
+    return passed if isinstance(passed, Picture | Primvar) else NotImplemented
 
 
 def place2d(node: Any, source: Source) -> np.ndarray:

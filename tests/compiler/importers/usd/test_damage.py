@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from maquette.compiler.importers.usd import materials, stage
+from maquette.compiler.importers.usd import sources, stage
 
 from .stages import SQUARE, attribute, kinds, read
 from .test_materials import ST
@@ -72,7 +72,7 @@ def test_shaders_that_feed_each_other(tmp_path, kind, node, value):
     scene, messages = read(tmp_path, text + QUAD.replace("MORE", ""))
     assert kinds(scene) == ["MESH"]
     assert len(messages) == 1
-    assert messages[0].endswith(f"warning: more than {materials.MOST_NODES} shaders feed each other: the input takes its default")
+    assert messages[0].endswith(f"warning: more than {sources.MOST_NODES} shaders feed each other: the input takes its default")
 
 
 def test_a_picture_that_feeds_its_own_scale(tmp_path):

@@ -136,7 +136,7 @@ def test_place2d(tmp_path):
 
 
 def test_a_node_that_is_not_drawn_is_named(tmp_path):
-    nodes = 'def Shader "f" { uniform token info:id = "ND_fractal3d_color3"\ncolor3f outputs:out }'
+    nodes = 'def Shader "f" { uniform token info:id = "ND_flake3d"\ncolor3f outputs:out }'
     scene, messages = drawn(tmp_path, "color3f inputs:base_color.connect = </m/f.outputs:out>", nodes=nodes)
-    assert messages == ["x.usda</m/f>: warning: the shader `ND_fractal3d_color3` is not drawn: the input it feeds takes its default"]
+    assert messages == ["x.usda</m/f>: warning: the shader `ND_flake3d` is not drawn: the input it feeds takes its default"]
     assert slot(scene, "DIFFUSE") == pytest.approx([0.8] * 3)

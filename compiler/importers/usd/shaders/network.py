@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ...materialx.graph import Node
+
 _SHARES = ("opacity", "roughness", "metallic", "clearcoat", "clearcoatRoughness", "occlusion")
 
 
@@ -52,9 +54,29 @@ class Primvar:
     fallback: Any
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Graph:
+    """An output of a node graph of MaterialX that varies over the surface."""
+
+    node: Node
+    output: str
+    kind: str  # type of its values
+    varnames: tuple[str, ...] = ()  # primvars of texture coordinates that it reads
+    gain: float = 1.0
+    bias: float = 0.0
+    strength: float = 1.0  # of a normal map
+
+    def as_normals(self, strength: float) -> Graph:
+        """The values, from 0 to 1, as a normal map."""
+        return replace(self.times(2.0, -1.0), strength=strength)
+
+    def times(self, gain: float, bias: float = 0.0) -> Graph:
+        return replace(self, gain=self.gain * gain, bias=self.bias * gain + bias)
+
+
 @dataclass(frozen=True, slots=True)
 class Network:
-    """A material's surface: for each input of UsdPreviewSurface a value, Picture or Primvar."""
+    """A material's surface: for each input of UsdPreviewSurface a value, Picture, Primvar or Graph."""
 
     path: str
     name: str
@@ -64,7 +86,10 @@ class Network:
     @property
     def varnames(self) -> tuple[str, ...]:
         """The primvars of the texture coordinates of its pictures, that of the diffuse one first."""
-        return tuple(dict.fromkeys(source.varname for source in self.inputs.values() if isinstance(source, Picture)))
+        sources = self.inputs.values()
+        of_pictures = [source.varname for source in sources if isinstance(source, Picture)]
+        of_graphs = [name for source in sources if isinstance(source, Graph) for name in source.varnames]
+        return tuple(dict.fromkeys(of_pictures + of_graphs))
 
     @property
     def numbers(self) -> tuple[str, ...]:

@@ -1,0 +1,131 @@
+"""Graphs of MaterialX in USD: shaders as nodes, and which of them are one value."""
+
+# pyright: reportAttributeAccessIssue=false
+# (usd-core creates its modules' names at run time)
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pxr import UsdShade
+
+from ....texture_graph.graph_builder import TooLarge
+from ...materialx import elementary, library, patterns, pictures
+from ...materialx.evaluator import Evaluator, Names, NotDrawn
+from ...materialx.graph import Node, Port
+from .network import Graph
+
+Tell = Callable[[str, Any], None]
+HANDLER_MODULES = (elementary, patterns, pictures)  # importing them registers their nodes
+_BENT = ("normalmap", "bump", "heighttonormal", "hextilednormalmap")
+
+
+@dataclass(slots=True)
+class Trial:
+    """A host that notes what a graph reads."""
+
+    tell: Tell
+    varnames: dict[str, None] = field(default_factory=dict)
+    pictures: int = 0
+
+    def picture(self, node: Node, file: Port, wraps: tuple[str, str], nearest: bool) -> tuple[int, Any] | None:
+        self.pictures += 1
+        return 0, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+    def coordinates(self, name: str) -> tuple[Sequence[float], Sequence[float]]:
+        self.varnames[name or "st"] = None
+        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+
+    def primvar(self, name: str, kind: str, default: Sequence[float], place: Any) -> Sequence[float]:
+        return default
+
+
+@dataclass(slots=True)
+class Graphs:
+    """The graphs of a stage. `linear` makes a colour of an attribute linear."""
+
+    time: Any
+    linear: Callable[[Any, Any], Any]
+    tell: Tell
+    nodes: dict[str, Node] = field(default_factory=dict)  # by path of the prim
+
+    def read(self, shader: Any, output: str, fallback: Any) -> Any:
+        """The value of a shader's output, or a Graph; `fallback` with a warning for nodes that are not drawn."""
+        return self.source(self.node(shader), output, fallback)
+
+    def source(self, node: Node, output: str, fallback: Any) -> Any:
+        """The value of a node's output, or a Graph."""
+        if library.document() is None:
+            hint = "install the package MaterialX"
+            self.tell(f"the shader `{node.definition}` is not drawn: the input it feeds takes its default ({hint})", node.place)
+            return fallback
+        if library.definition(node.definition) is None:
+            self.tell(f"the shader `{node.definition}` is not drawn: the input it feeds takes its default", node.place)
+            return fallback
+        if library.category(node) in _BENT:
+            return Graph(node, output, "vector3", tuple(self._varnames(node)))
+        trial = Trial(self.tell)
+        evaluator = Evaluator(trial)
+        try:
+            names = evaluator.node(node, output)
+            evaluator.builder.finish(*names[:3])
+        except (NotDrawn, TooLarge) as reason:
+            self.tell(f"{reason}: the input it feeds takes its default", node.place)
+            return fallback
+        numbers = [evaluator.builder.number(name) for name in names]
+        if None not in numbers:
+            return numbers[0] if len(numbers) == 1 else tuple(numbers)
+        return Graph(node, output, evaluator.kind(node, output), tuple(trial.varnames))
+
+    def _varnames(self, node: Node) -> Names | tuple[str, ...]:
+        """The primvars that a node for normals reads."""
+        trial = Trial(self.tell)
+        evaluator = Evaluator(trial)
+        for name in ("in", "height"):
+            try:
+                evaluator.input(node, name)
+            except (NotDrawn, TooLarge):
+                continue
+        return tuple(trial.varnames)
+
+    def node(self, shader: Any) -> Node:
+        """The node of a shader, with those that feed it."""
+        path = str(shader.GetPath())
+        if path not in self.nodes:
+            node = self.nodes[path] = Node(str(shader.GetPath().name), str(shader.GetIdAttr().Get()), {}, shader.GetPrim())
+            for shader_input in shader.GetInputs():
+                if (port := self.port(shader_input)) is not None:
+                    node.inputs[str(shader_input.GetBaseName())] = port
+        return self.nodes[path]
+
+    def port(self, shader_input: Any) -> Port | None:
+        """An input: a value, or the output of a node; None without either."""
+        kind = _TYPES.get(str(shader_input.GetTypeName()), "float")
+        for attribute in shader_input.GetValueProducingAttributes():
+            source = UsdShade.Shader(attribute.GetPrim())
+            if source and UsdShade.Output.IsOutput(attribute):
+                return Port(kind, source=self.node(source), output=str(attribute.GetName()).rpartition(":")[2])
+            value = attribute.Get(self.time)
+            if value is not None:
+                return Port(kind, _plain(self.linear(attribute, value), kind), space=str(attribute.GetColorSpace() or ""))
+        return None
+
+
+_TYPES = {
+    "float": "float", "half": "float", "double": "float", "int": "integer", "bool": "boolean", "string": "string", "token": "string",
+    "asset": "filename", "color3f": "color3", "color3h": "color3", "color3d": "color3", "color4f": "color4", "float2": "vector2",
+    "texCoord2f": "vector2", "float3": "vector3", "vector3f": "vector3", "normal3f": "vector3", "point3f": "vector3", "float4": "vector4",
+    "matrix3d": "matrix33", "matrix4d": "matrix44",
+}  # fmt: skip
+
+
+def _plain(value: Any, kind: str) -> Any:
+    """A value of USD as numbers, a truth value, a text or a file."""
+    if kind in ("filename", "string") or isinstance(value, bool | int | float | str):
+        return str(value) if kind == "string" else value
+    numbers: list[float] = []
+    for part in value:
+        numbers += [float(p) for p in part] if hasattr(part, "__len__") else [float(part)]
+    return tuple(numbers)

@@ -22,11 +22,11 @@ EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 class Guarded(np.ndarray):
     """An array that rejects negative indices; numpy itself rejects those beyond the end."""
 
-    def __getitem__(self, at: Any) -> Any:
-        for one in at if isinstance(at, tuple) else (at,):
-            if isinstance(one, np.ndarray) and one.dtype.kind == "i":
-                assert one.size == 0 or one.min() >= 0, "a place before the start of a table"
-        return np.asarray(super().__getitem__(at))
+    def __getitem__(self, index: Any) -> Any:
+        for part in index if isinstance(index, tuple) else (index,):
+            if isinstance(part, np.ndarray) and part.dtype.kind == "i":
+                assert part.size == 0 or part.min() >= 0, "a place before the start of a table"
+        return np.asarray(super().__getitem__(index))
 
 
 def guarded(value: Any) -> Any:
@@ -65,10 +65,10 @@ DRAWN = [path for path in sorted(EXAMPLES.glob("*.scene")) if path.stem not in S
 @pytest.mark.parametrize("path", [pytest.param(path, id=path.stem, marks=[pytest.mark.long] * (path.stem in LONG)) for path in DRAWN])
 def test_pictures_read_nothing_before_a_table(path, monkeypatch):
     """Every example by the reference backend, which shares its code with kernels."""
-    made = prepare.prepare
+    prepared = prepare.prepare
 
-    def watched(*given: Any) -> prepare.Prepared:
-        ready = made(*given)
+    def watched(*arguments: Any) -> prepare.Prepared:
+        ready = prepared(*arguments)
         guards = {name: guarded(getattr(ready, name)) for name in ("tables", "packed", "frame", "paths")}
         return dataclasses.replace(ready, **guards)
 
@@ -85,16 +85,16 @@ def test_instances_without_an_attribute_do_not_read_past_the_end(name):
     bare = mesh(points, np.concatenate([np.stack([first, first + 1, first + 20], axis=-1)]))
     values = {"normals": np.tile([0.0, 0.0, 1.0], (3, 1)), "uvs": np.eye(3)[:, :2], "colors": np.full((3, 3), 0.5)}[name]
     small = mesh([[-1.03, -1.07, -1.5], [1.09, -1.01, -1.5], [0.05, 0.03, -1.5]], [[0, 1, 2]], **{name: MeshAttribute(values)})
-    lamp = LightData(ir.LightKind.DIRECTIONAL, (3.0, 3.0, 3.0), direction=(0.0, 0.0, 1.0))
-    made = scene(meshes=[(bare, matrix(), 0), (small, matrix(), 0)], lights=[lamp])
-    assert len(made.pools.values) < 20
-    shown = [drawn(made, backend) for backend in ("reference", "ray", "raster")]
+    light = LightData(ir.LightKind.DIRECTIONAL, (3.0, 3.0, 3.0), direction=(0.0, 0.0, 1.0))
+    tables = scene(meshes=[(bare, matrix(), 0), (small, matrix(), 0)], lights=[light])
+    assert len(tables.pools.values) < 20
+    shown = [drawn(tables, backend) for backend in ("reference", "ray", "raster")]
     for picture in shown[1:]:
         assert np.allclose(picture, shown[0], atol=1e-5)
 
 
-def drawn(made: ir.Tables, backend: str) -> np.ndarray:
+def drawn(tables: ir.Tables, backend: str) -> np.ndarray:
     """Colors and coordinates of a backend, (h, w, 6)."""
-    whole = ir.Scene("test", made, names=ir.Names(cameras=("",)))
-    image = maquette.render(whole, backend=backend, size=(24, 24), samples=1, background=(0.0, 0.0, 0.0), aov=("uv",))
+    complete = ir.Scene("test", tables, names=ir.Names(cameras=("",)))
+    image = maquette.render(complete, backend=backend, size=(24, 24), samples=1, background=(0.0, 0.0, 0.0), aov=("uv",))
     return np.concatenate([image.channels["rgba"], image.channels["uv"]], axis=-1)

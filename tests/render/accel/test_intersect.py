@@ -268,10 +268,10 @@ def test_the_bvh_is_the_same_on_any_number_of_threads() -> None:
     mesh = wavy(150)
     positions, triangles = mesh.positions.astype(np.float32), mesh.triangles.astype(np.int32)
     assert len(triangles) > 40_000  # parts of it are built apart
-    one, two, five = (wide_bvh.build(positions, triangles, threads=threads) for threads in (1, 2, 5))
-    assert check_wide(one, positions[triangles]) < 12
-    for other in (two, five):
-        for a, b in zip(one, other, strict=True):
+    by_one, by_two, by_five = (wide_bvh.build(positions, triangles, threads=threads) for threads in (1, 2, 5))
+    assert check_wide(by_one, positions[triangles]) < 12
+    for other in (by_two, by_five):
+        for a, b in zip(by_one, other, strict=True):
             np.testing.assert_array_equal(a, b)
 
 

@@ -33,9 +33,9 @@ def single(place: F64) -> Handle:
 
 def crowd(place: F64) -> Handle:
     """The BVH of a thousand small knots."""
-    made = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
+    knot = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
     places = [place @ np.vstack([each, [0.0, 0.0, 0.0, 1.0]]) for each in meshes.boulders(1000)]
-    accel = ray_queries.build(scene(meshes=[(made, each, 0) for each in places]), keep=False)
+    accel = ray_queries.build(scene(meshes=[(knot, each, 0) for each in places]), keep=False)
     assert len(accel.tables.top.links) > two_level.SMALL
     return accel
 
@@ -73,17 +73,17 @@ def test_each_ray_hits_what_it_hits_in_any_order(place, spread, at_edges):
     shuffled = (origin[order], direction[order], least[order], most[order])
     hits = ray_queries.closest(accel, *rays)
     assert COUNT // 5 < (hits.instance >= 0).sum() < COUNT
-    for one, other in zip(hits, ray_queries.closest(accel, *shuffled), strict=True):
-        np.testing.assert_array_equal(one[order], other)
+    for column, shuffled_column in zip(hits, ray_queries.closest(accel, *shuffled), strict=True):
+        np.testing.assert_array_equal(column[order], shuffled_column)
     np.testing.assert_array_equal(ray_queries.occluded(accel, *rays)[order], ray_queries.occluded(accel, *shuffled))
 
 
 @pytest.mark.parametrize("n", [1, crosslane.WIDTH, crosslane.WIDTH + 1, 2 * crosslane.WIDTH - 1, 4 * crosslane.WIDTH + 3])
 def test_any_number_of_rays_to_one_mesh(n):
     rays, accel = aimed(np.eye(4), 1e-3, False), single(np.eye(4))
-    one, other = ray_queries.closest(accel, rays[0][:n], rays[1][:n], rays[2][:n], rays[3][:n]), ray_queries.closest(accel, *rays)
-    assert len(one.t) == n
-    for a, b in zip(one, other, strict=True):
+    some, every = ray_queries.closest(accel, rays[0][:n], rays[1][:n], rays[2][:n], rays[3][:n]), ray_queries.closest(accel, *rays)
+    assert len(some.t) == n
+    for a, b in zip(some, every, strict=True):
         np.testing.assert_array_equal(a, b[:n])
 
 
@@ -98,7 +98,7 @@ def test_any_number_of_rays_among_many_instances(n):
 @kernel
 def count_packets(accel, origin, direction, least, most):
     """How many vectors of rays are traced through mesh 0 as one packet."""
-    found = 0
+    count = 0
     for start in range(0, len(least), crosslane.WIDTH):
         o = affine.transform_point(accel.inverse, 0, crosslane.load_rows3(origin, start))
         o = ops.sub(o, (accel.origin[0, 0], accel.origin[0, 1], accel.origin[0, 2]))
@@ -106,10 +106,10 @@ def count_packets(accel, origin, direction, least, most):
         t_max = crosslane.load_row(most, start)
         rays, active = two_level.enter_mesh(accel, 0, o, d, crosslane.load_row(least, start), t_max, t_max)
         if packet.is_coherent(active, d, rays.box):
-            found += packet_nodes.intersect_mesh_packet(accel, 0, accel.instance_rows[0, 4], rays, active, False)[4]
+            count += packet_nodes.intersect_mesh_packet(accel, 0, accel.instance_rows[0, 4], rays, active, False)[4]
         else:
-            found += active == 0
-    return found
+            count += active == 0
+    return count
 
 
 @pytest.mark.long
@@ -174,13 +174,13 @@ def test_rays_that_end_or_begin_about_where_they_hit_something(place):
 @kernel
 def count_narrow(origin, direction):
     """How many vectors of rays are narrow."""
-    found = 0
+    count = 0
     for start in range(0, len(origin), crosslane.WIDTH):
         o, d = crosslane.load_rows3(origin, start), crosslane.load_rows3(direction, start)
         zero = 0.0 * d[0]
         rays = ray_box.SceneRays(o, d, zero, zero + np.inf, o, d, ray_box.world_ray(o, d))
-        found += two_level.is_narrow(rays, crosslane.bits(d[0] == d[0]))
-    return found
+        count += two_level.is_narrow(rays, crosslane.bits(d[0] == d[0]))
+    return count
 
 
 @pytest.mark.long
@@ -191,9 +191,9 @@ def test_rays_among_many_instances_of_all_kinds(spread):
     random = np.random.default_rng(2)
     places = [np.vstack([each, [0.0, 0.0, 0.0, 1.0]]) for each in meshes.boulders(1200)]
     kinds = [(K.SPHERE, [0.7]), (K.BOX, [0.5, 0.4, 0.6]), (K.TORUS, [0.6, 0.2]), (K.CYLINDER, [0.4, 0.7])]
-    made = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
+    knot = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
     shapes = [(kind, numbers, each, 0) for (kind, numbers), each in zip(kinds * 200, places, strict=False)]
-    tables = scene(shapes, meshes=[(made, each, 0) for each in places[800:]])
+    tables = scene(shapes, meshes=[(knot, each, 0) for each in places[800:]])
     accel = ray_queries.build(tables, keep=False)
     assert len(accel.tables.top.links) > two_level.SMALL
     n = 16 * 400
@@ -244,16 +244,16 @@ def test_inactive_rays_of_a_packet_disturb_no_other_ray(place, bad):
     for which in (0, 1):  # origins, directions
         rays = (o.copy(), d.copy())
         rays[which][inactive] = bad
-        for expected, found in zip(sound, ray_queries.closest(accel, *rays, least, most), strict=True):
-            np.testing.assert_array_equal(found[~inactive], expected[~inactive])
+        for expected, column in zip(sound, ray_queries.closest(accel, *rays, least, most), strict=True):
+            np.testing.assert_array_equal(column[~inactive], expected[~inactive])
         np.testing.assert_array_equal(ray_queries.occluded(accel, *rays, least, most), blocked & ~inactive)
 
 
 @pytest.mark.parametrize("length", [0.0, 1e-300, 1e-40, 1e40, 1e300])
 @pytest.mark.parametrize("alone", [True, False])
 def test_rays_without_a_direction_hit_nothing_and_disturb_no_other_ray(length, alone):
-    made = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
-    accel = ray_queries.build(scene(meshes=[(made, np.eye(4), 0)]), keep=False) if alone else crowd(np.eye(4))
+    knot = mesh(KNOT.positions.astype(np.float64), KNOT.triangles)
+    accel = ray_queries.build(scene(meshes=[(knot, np.eye(4), 0)]), keep=False) if alone else crowd(np.eye(4))
     o, d = shot(600, np.eye(4))
     sound = ray_queries.closest(accel, o, d).t
     d[::7] *= length

@@ -19,8 +19,8 @@ SAMPLES = (1, 4, 16)
 
 def coverage(points: np.ndarray, triangles: np.ndarray, camera: CameraData, samples: int) -> np.ndarray:
     """Coverage of each pixel by a mesh of triangles, (h, w)."""
-    made = scene(meshes=[(mesh(points, triangles), matrix(), 0)], camera=camera, lights=[LIGHT], materials=[phong(1.0)])
-    return pictures.picture(made, size=SIZE, samples=samples, filter="box", background="transparent").channels["rgba"][..., 3]
+    tables = scene(meshes=[(mesh(points, triangles), matrix(), 0)], camera=camera, lights=[LIGHT], materials=[phong(1.0)])
+    return pictures.picture(tables, size=SIZE, samples=samples, filter="box", background="transparent").channels["rgba"][..., 3]
 
 
 def fan(center: list[float], rim: np.ndarray, camera: CameraData, samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -65,14 +65,14 @@ def test_a_strip_cut_by_near_has_an_even_edge(samples):
     """A floor of many triangles ends where `near` clips it, at one line of the picture, without cracks above."""
     side = np.linspace(-14.0, 14.0, 41)
     points = np.stack(np.meshgrid(side, [-1.0], -np.linspace(-1.0, 9.0, 31), indexing="ij"), axis=-1).reshape(-1, 3)
-    at = (np.arange(40)[:, None] * 31 + np.arange(30)).ravel()
-    triangles = np.concatenate([np.stack([at, at + 1, at + 31], axis=-1), np.stack([at + 1, at + 31, at + 32], axis=-1)])
+    first = (np.arange(40)[:, None] * 31 + np.arange(30)).ravel()
+    triangles = np.concatenate([np.stack([first, first + 1, first + 31], axis=-1), np.stack([first + 1, first + 31, first + 32], axis=-1)])
     camera = CameraData(0, 1.0, near=1.25)
-    found = coverage(points, triangles, camera, samples)
+    covered = coverage(points, triangles, camera, samples)
     slope = (np.arange(SIZE[1]) + 0.5 - SIZE[1] / 2) / (SIZE[1] / 2)  # of rays down: the floor is 1 / slope away
     inside = (slope - 1 / 48 > 1 / 9) & (slope + 1 / 48 < 1 / 1.25)
-    assert (found[inside] == 1.0).all()
-    assert (found[(slope + 1 / 48 < 1 / 9) | (slope - 1 / 48 > 1 / 1.25)] == 0.0).all()
+    assert (covered[inside] == 1.0).all()
+    assert (covered[(slope + 1 / 48 < 1 / 9) | (slope - 1 / 48 > 1 / 1.25)] == 0.0).all()
 
 
 @pytest.mark.long
@@ -92,6 +92,6 @@ def test_depths_differ_at_every_distance(depth, nearer):
     """Two walls of relative depth difference 4e-7, with the near plane at 0, are separated by 1 / depth in float32."""
     square = np.array([[-9.0, -9, -1], [9, -9, -1], [9, 9, -1], [-9, 9, -1]])
     walls = [(mesh(square * depth * (1.0 + (4e-7 if k != nearer else 0.0)), [[0, 1, 2], [0, 2, 3]]), matrix(), k) for k in range(2)]
-    made = scene(meshes=walls, camera=EYE, lights=[LIGHT], materials=[phong(0.25), phong(0.75)])
-    seen = pictures.picture(made, size=SIZE, samples=4, filter="box").channels["rgba"][..., 0]
+    tables = scene(meshes=walls, camera=EYE, lights=[LIGHT], materials=[phong(0.25), phong(0.75)])
+    seen = pictures.picture(tables, size=SIZE, samples=4, filter="box").channels["rgba"][..., 0]
     assert np.allclose(seen, 0.75 if nearer else 0.25)

@@ -33,8 +33,8 @@ def told(light: np.ndarray, sampler: Sampler, samples: int, seed: int) -> tuple[
     drawn = light[..., None, None] * sampler(np.random.default_rng(seed), (*light.shape, 3, samples))
     halves = drawn[..., : samples // 2].mean(axis=3), drawn[..., samples // 2 :].mean(axis=3)
     rgba = np.dstack([(halves[0] + halves[1]) / 2, np.ones(light.shape)]).astype(np.float32)
-    found = estimate(rgba, ((halves[0] - halves[1]) / 2).astype(np.float32))
-    return math.sqrt(found.mean()), metrics.root_relmse(rgba, np.repeat(light[..., None], 3, axis=2))
+    errors = estimate(rgba, ((halves[0] - halves[1]) / 2).astype(np.float32))
+    return math.sqrt(errors.mean()), metrics.root_relmse(rgba, np.repeat(light[..., None], 3, axis=2))
 
 
 def estimate(rgba: np.ndarray, differences: np.ndarray) -> np.ndarray:
@@ -56,8 +56,8 @@ CHECKER = np.where(np.add.outer(np.arange(HEIGHT) // 6, np.arange(WIDTH) // 6) %
 )  # fmt: skip
 def test_it_is_about_the_true_error(light: np.ndarray, sampler: Sampler, samples: int) -> None:
     """Also of noise as large as the light: pixels that are dark by chance count by the light that they should have."""
-    found = np.array([told(light, sampler, samples, seed) for seed in range(4)])
-    ratios = found[:, 1] / found[:, 0]
+    errors = np.array([told(light, sampler, samples, seed) for seed in range(4)])
+    ratios = errors[:, 1] / errors[:, 0]
     assert ratios.min() > 0.7
     assert ratios.max() < 1.1
 
@@ -80,9 +80,9 @@ def test_a_stray_in_the_dark_has_a_limit() -> None:
 
 def test_pixels_of_one_batch_are_unknown_and_change_no_other() -> None:
     rgba, differences = np.ones((8, 12, 4), np.float32), np.full((8, 12, 3), 0.1, np.float32)
-    whole = estimate(rgba, differences)
+    complete = estimate(rgba, differences)
     differences[:, 6:] = np.inf
     part = estimate(rgba, differences)
     assert np.isinf(part[:, 6:]).all()
-    assert part[:, :6] == pytest.approx(whole[:, :6])
+    assert part[:, :6] == pytest.approx(complete[:, :6])
     assert estimate(rgba[:1, :1], differences[:1, :1]) == pytest.approx(np.full((1, 1), 0.01), rel=1e-3)

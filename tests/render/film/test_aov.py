@@ -41,8 +41,8 @@ def test_pixels_that_are_not_proved_are_seen(tmp_path):
     )
     counted = maquette.render(path, size=(24, 24), samples=1, backend="ray").metadata["unproved"]
     image = maquette.render(path, size=(24, 24), samples=1, backend="ray", aov=("issues", "id"))
-    doubtful, thing = image.channels["issues"][..., 0], image.channels["id"][..., 0]
+    doubtful, instances = image.channels["issues"][..., 0], image.channels["id"][..., 0]
     assert abs(counted - doubtful.sum()) <= 2  # rays as a bundle and one by one need not leave the same open
     assert doubtful[:, :12].sum() > 10
-    assert (thing == 1).sum() > 10
+    assert (instances == 1).sum() > 10
     assert not doubtful[:, 12:].any()

@@ -77,10 +77,10 @@ def test_the_option_draws_a_halo(tmp_path: Path) -> None:
     path = tmp_path / "a.scene"
     path.write_text(LAMP.format(""), encoding="utf-8")
     scene = maquette.load(path)
-    plain, hazy = (scene.render(size=(64, 48), samples=4, bloom=share).channels["rgba"] for share in (None, 0.2))
-    assert not plain[2, 2, :3].any()
+    clear, hazy = (scene.render(size=(64, 48), samples=4, bloom=share).channels["rgba"] for share in (None, 0.2))
+    assert not clear[2, 2, :3].any()
     assert (hazy[2, 2, :3] > 0).all()
-    assert hazy[24, 32, 0] < plain[24, 32, 0]
+    assert hazy[24, 32, 0] < clear[24, 32, 0]
 
 
 def test_cameras_without_a_lens_have_none(tmp_path: Path) -> None:

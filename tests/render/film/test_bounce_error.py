@@ -61,16 +61,16 @@ def test_glass_and_mirrors_are_followed_further(tmp_path):
     short, far = (drawn(tmp_path, text, bounces=k, samples=16) for k in (3, MAX_BOUNCES))
     ours, all_of_it = (image.channels["rgba"][..., :3].astype(float) for image in (short, far))
     blocks = [np.s_[tile.y0 : tile.y1, tile.x0 : tile.x1] for tile in bounce_error.blocks((0, 0, 40, 30))]
-    whole, kept = (np.array([picture[block].mean() for block in blocks]) for picture in (all_of_it, ours))
-    true = np.mean((whole - kept) / np.hypot(whole, 0.01 * all_of_it.mean()))
+    unlimited, limited = (np.array([picture[block].mean() for block in blocks]) for picture in (all_of_it, ours))
+    true = np.mean((unlimited - limited) / np.hypot(unlimited, 0.01 * all_of_it.mean()))
     assert true > 0.3
     assert abs(short.metadata["cut"].share - true) < 0.1
 
 
 @pytest.mark.long
 def test_it_is_the_same_on_any_number_of_threads(tmp_path):
-    one, three = (drawn(tmp_path, INSIDE + WALLS.format(0.7), bounces=2, threads=n).metadata["cut"] for n in (1, 3))
-    assert one == three
+    by_one, by_three = (drawn(tmp_path, INSIDE + WALLS.format(0.7), bounces=2, threads=n).metadata["cut"] for n in (1, 3))
+    assert by_one == by_three
 
 
 class Recorded:
@@ -110,10 +110,10 @@ def test_blocks_lie_in_the_crop_and_all_over_it(crop):
 
 
 def test_strips_have_the_mean_of_theirs():
-    one, other = bounce_error.Cut(0.1, 0.03, 0.02, 8), bounce_error.Cut(0.3, 0.04, 0.05, 16)
-    made = bounce_error.combine([one, other], np.array([3.0, 1.0]))
-    assert made == bounce_error.Cut(pytest.approx(0.15), pytest.approx(np.hypot(0.0225, 0.01)), 0.05, 16)  # pyright: ignore[reportArgumentType]
-    assert bounce_error.combine([one, None], np.array([1.0, 1.0])) is None
+    first, second = bounce_error.Cut(0.1, 0.03, 0.02, 8), bounce_error.Cut(0.3, 0.04, 0.05, 16)
+    combined = bounce_error.combine([first, second], np.array([3.0, 1.0]))
+    assert combined == bounce_error.Cut(pytest.approx(0.15), pytest.approx(np.hypot(0.0225, 0.01)), 0.05, 16)  # pyright: ignore[reportArgumentType]
+    assert bounce_error.combine([first, None], np.array([1.0, 1.0])) is None
 
 
 def test_the_command_line_says_where_the_limit_is(tmp_path, monkeypatch):
@@ -121,9 +121,9 @@ def test_the_command_line_says_where_the_limit_is(tmp_path, monkeypatch):
     standing_by(tmp_path, monkeypatch, text.replace(', background: "transparent"', ""))
     done = CliRunner().invoke(cli, ["render", "a.scene", "-o", "a.exr", "--error", "5%", "--stats", "a.json"])
     assert done.exit_code == 0
-    told = next(line for line in done.stderr.splitlines() if "bounces leaves out" in line)
-    assert told.startswith("a.scene:3:1: warning: the limit of 4 bounces leaves out 3")
-    assert told.endswith("more than is the error asked for")
+    warning = next(line for line in done.stderr.splitlines() if "bounces leaves out" in line)
+    assert warning.startswith("a.scene:3:1: warning: the limit of 4 bounces leaves out 3")
+    assert warning.endswith("more than is the error asked for")
     assert "render(bounces: 16) or --bounces 16 leaves out less" in done.stderr
     stats = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert 0.25 < stats["cut"] < 0.4

@@ -97,11 +97,11 @@ def same(a: Any, b: Any) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_a_picture_goes_on_with_the_same_bits(tmp_path: Path, case: str) -> None:
     """From checkpoints all over the rendering, as after the process was killed."""
-    whole = Copying(tmp_path / "whole", "k")
-    expected = draw(case, whole)
-    assert len(whole.copies) >= 6
-    for at in range(0, len(whole.copies), max(1, len(whole.copies) // 20)):
-        shutil.copy(whole.copies[at], tmp_path / "again")
+    complete = Copying(tmp_path / "whole", "k")
+    expected = draw(case, complete)
+    assert len(complete.copies) >= 6
+    for row in range(0, len(complete.copies), max(1, len(complete.copies) // 20)):
+        shutil.copy(complete.copies[row], tmp_path / "again")
         keeper = checkpoint.Keeper(tmp_path / "again", lambda: "k", 1e9, 1e9, True)
         assert keeper.found is not None
         same(draw(case, keeper), expected)
@@ -121,40 +121,44 @@ def test_an_interrupted_picture_goes_on(tmp_path: Path, case: str, after: int) -
 @pytest.mark.long
 def test_photons_go_on(tmp_path: Path) -> None:
     """Photon maps of the interrupted round are made again."""
-    scene, made = prepared(tmp_path, GLASS, error=0.15, bounces=4)
-    whole = Copying(tmp_path / "whole", "k")
-    expected = render_scene.draw(scene, made, keeper=whole)
-    for at in sorted({round(share * (len(whole.copies) - 1)) for share in (0.0, 0.3, 0.6, 0.8, 1.0)}):
-        shutil.copy(whole.copies[at], tmp_path / "again")
-        same(render_scene.draw(scene, made, keeper=checkpoint.Keeper(tmp_path / "again", lambda: "k", 1e9, 1e9, True)), expected)
+    scene, decided = prepared(tmp_path, GLASS, error=0.15, bounces=4)
+    complete = Copying(tmp_path / "whole", "k")
+    expected = render_scene.draw(scene, decided, keeper=complete)
+    for row in sorted({round(share * (len(complete.copies) - 1)) for share in (0.0, 0.3, 0.6, 0.8, 1.0)}):
+        shutil.copy(complete.copies[row], tmp_path / "again")
+        same(render_scene.draw(scene, decided, keeper=checkpoint.Keeper(tmp_path / "again", lambda: "k", 1e9, 1e9, True)), expected)
 
 
 def test_a_key_is_that_of_one_picture(tmp_path: Path) -> None:
     """Another scene, seed or version has another key; threads and budget do not count."""
-    scene, made = prepared(tmp_path, GLASS, samples=8)
-    key = checkpoint.key_of(scene, made, "1")
+    scene, decided = prepared(tmp_path, GLASS, samples=8)
+    key = checkpoint.key_of(scene, decided, "1")
     again, other_threads = prepared(tmp_path, GLASS, samples=8, threads=1)
     assert checkpoint.key_of(again, other_threads, "1") == key
     assert checkpoint.key_of(*prepared(tmp_path, GLASS, samples=8, seed=4), "1") != key
     assert checkpoint.key_of(*prepared(tmp_path, GLASS.replace("0.6, center", "0.7, center"), samples=8), "1") != key
-    assert checkpoint.key_of(scene, made, "2") != key
+    assert checkpoint.key_of(scene, decided, "2") != key
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", None, "cut", "flipped", "fewer", "header"])
 def test_a_damaged_checkpoint_counts_as_none(tmp_path: Path, damage: Any) -> None:
     keeper = Copying(tmp_path / "a", "k")
     draw("fixed samples", keeper)
-    whole = keeper.path.read_bytes()
+    content = keeper.path.read_bytes()
     assert checkpoint.load(keeper.path, "k") is not None
     assert checkpoint.load(keeper.path, "other") is None
-    header = whole.index(b"NUMPY\x01\x00", whole.index(b"NUMPY") + 1)  # of the second array, read before its checksum
-    first = whole.index(b"PK\x01\x02")  # of the entries in the directory; the others become its comment
-    others = struct.pack("<H", whole.index(b"PK\x05\x06") - whole.index(b"PK\x01\x02", first + 4))
+    header = content.index(b"NUMPY\x01\x00", content.index(b"NUMPY") + 1)  # of the second array, read before its checksum
+    first = content.index(b"PK\x01\x02")  # of the entries in the directory; the others become its comment
+    others = struct.pack("<H", content.index(b"PK\x05\x06") - content.index(b"PK\x01\x02", first + 4))
     damages = {
-        "fewer": whole[: first + 32] + others + whole[first + 34 :],
-        "header": whole[: header + 6] + b"\x03" + whole[header + 7 :],
+        "fewer": content[: first + 32] + others + content[first + 34 :],
+        "header": content[: header + 6] + b"\x03" + content[header + 7 :],
     }
-    damages |= {"cut": whole[: len(whole) // 2], "flipped": whole[:200] + bytes(64) + whole[264:], None: whole.replace(b"head", b"heap")}
+    damages |= {
+        "cut": content[: len(content) // 2],
+        "flipped": content[:200] + bytes(64) + content[264:],
+        None: content.replace(b"head", b"heap"),
+    }
     keeper.path.write_bytes(damage if isinstance(damage, bytes) else damages[damage])
     assert checkpoint.load(keeper.path, "k") is None
 
@@ -169,7 +173,7 @@ def test_a_full_disk_keeps_the_last_checkpoint(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(np, "savez", full)
     keeper.save(state._replace(numbers={"least": 1.0}))
-    found = checkpoint.load(tmp_path / "a", "k")
-    assert found is not None
-    assert found.numbers["least"] == 0.0
+    loaded = checkpoint.load(tmp_path / "a", "k")
+    assert loaded is not None
+    assert loaded.numbers["least"] == 0.0
     assert [path.name for path in tmp_path.iterdir()] == ["a"]

@@ -51,11 +51,11 @@ def scene(tmp_path: Path):
 @pytest.mark.long
 @needs_package
 def test_it_halves_the_error_of_few_samples_and_is_off_unless_asked(scene) -> None:
-    asked = {"size": (96, 72), "threads": 1}
-    true = maquette.render(scene, samples=1024, seed=5, **asked)
-    noisy, plain = (maquette.render(scene, samples=4, denoise=on, **asked) for on in (None, False))
-    assert np.array_equal(noisy.channels["rgba"], plain.channels["rgba"])
-    clean = maquette.render(scene, samples=4, denoise=True, **asked)
+    settings = {"size": (96, 72), "threads": 1}
+    true = maquette.render(scene, samples=1024, seed=5, **settings)
+    noisy, off = (maquette.render(scene, samples=4, denoise=on, **settings) for on in (None, False))
+    assert np.array_equal(noisy.channels["rgba"], off.channels["rgba"])
+    clean = maquette.render(scene, samples=4, denoise=True, **settings)
     before, after = (maquette.compare(image, true).error for image in (noisy, clean))
     assert after < 0.5 * before
     assert np.array_equal(clean.channels["rgba"][..., 3], noisy.channels["rgba"][..., 3])
@@ -113,17 +113,17 @@ def test_a_default_picture_above_its_error_is_denoised_and_tells_what_is_left(tm
     assert noisy.metadata["error"] == clean.metadata["error"] > 0.03
     assert noisy.metadata["samples"] == 256
     assert clean.metadata["denoised"]
-    left = metrics.root_relmse(clean.channels["rgba"], true)
-    assert left < 0.5 * metrics.root_relmse(noisy.channels["rgba"], true)
-    assert 0.6 < left / clean.metadata["denoised_error"] < 1.4
+    remaining = metrics.root_relmse(clean.channels["rgba"], true)
+    assert remaining < 0.5 * metrics.root_relmse(noisy.channels["rgba"], true)
+    assert 0.6 < remaining / clean.metadata["denoised_error"] < 1.4
 
 
 @needs_package
 def test_a_picture_that_reaches_the_default_error_keeps_its_pixels(scene) -> None:
-    found = maquette.render(scene, size=(48, 36))
-    assert found.metadata["error"] <= 0.03
-    assert "denoised" not in found.metadata
-    assert np.array_equal(found.channels["rgba"], maquette.render(scene, size=(48, 36), denoise=False).channels["rgba"])
+    image = maquette.render(scene, size=(48, 36))
+    assert image.metadata["error"] <= 0.03
+    assert "denoised" not in image.metadata
+    assert np.array_equal(image.channels["rgba"], maquette.render(scene, size=(48, 36), denoise=False).channels["rgba"])
 
 
 def test_the_error_left_is_that_of_blur_and_of_noise() -> None:
@@ -132,10 +132,10 @@ def test_the_error_left_is_that_of_blur_and_of_noise() -> None:
     halves = 1.0 + 0.3 * rng.standard_normal((2, 240, 320, 3))
     noisy, half = (np.asarray(part, np.float32) for part in ((halves[0] + halves[1]) / 2, (halves[0] - halves[1]) / 2))
     blurred = np.full_like(noisy, 1.1)
-    told = denoise.CERTAIN * 0.1 / 1.1
-    assert denoise.error_left(noisy, half, 1.0, blurred, lambda color: blurred) == pytest.approx(told, rel=0.1)
-    kept = denoise.error_left(noisy, half, 1.0, noisy, lambda color: color)
-    assert kept == pytest.approx(denoise.CERTAIN * 0.3 / math.sqrt(2.0), rel=0.05)
+    expected = denoise.CERTAIN * 0.1 / 1.1
+    assert denoise.error_left(noisy, half, 1.0, blurred, lambda color: blurred) == pytest.approx(expected, rel=0.1)
+    of_noise = denoise.error_left(noisy, half, 1.0, noisy, lambda color: color)
+    assert of_noise == pytest.approx(denoise.CERTAIN * 0.3 / math.sqrt(2.0), rel=0.05)
     exact = np.ones_like(noisy)
     assert denoise.error_left(noisy, half, 1.0, exact, lambda color: exact) < 0.02
 
@@ -146,8 +146,8 @@ def test_pixels_that_are_dark_after_denoising_tell_no_error_of_their_own() -> No
     halves = 1.0 + 0.1 * rng.standard_normal((2, 64, 64, 3))
     halves[:, :, :8] = 0.0
     noisy, half = (np.asarray(part, np.float32) for part in ((halves[0] + halves[1]) / 2, (halves[0] - halves[1]) / 2))
-    whole, first = (np.where(noisy > 0.5, 1.0, value).astype(np.float32) for value in (0.0, 0.2))
-    assert denoise.error_left(noisy, half, 1.0, whole, lambda color: first) < 1.0
+    denoised, first = (np.where(noisy > 0.5, 1.0, value).astype(np.float32) for value in (0.0, 0.2))
+    assert denoise.error_left(noisy, half, 1.0, denoised, lambda color: first) < 1.0
 
 
 @pytest.mark.long
@@ -193,12 +193,12 @@ def test_a_turned_panorama_is_the_denoised_one_turned(columns: int) -> None:
     def turned(pixels: np.ndarray) -> np.ndarray:
         return np.roll(pixels, columns, axis=1)
 
-    whole = denoise.Margins(True, True, True)
-    one = turned(denoise.make_filter(albedo, normal, whole)(noisy))
-    other = denoise.make_filter(turned(albedo), turned(normal), whole)(turned(noisy))
-    assert np.abs(one - other).max() < 0.01 * one.mean()
+    margins = denoise.Margins(True, True, True)
+    turned_after = turned(denoise.make_filter(albedo, normal, margins)(noisy))
+    turned_before = denoise.make_filter(turned(albedo), turned(normal), margins)(turned(noisy))
+    assert np.abs(turned_after - turned_before).max() < 0.01 * turned_after.mean()
     without = denoise.make_filter(turned(albedo), turned(normal))(turned(noisy))
-    assert np.abs(one - without).max() > 0.1 * one.mean()
+    assert np.abs(turned_after - without).max() > 0.1 * turned_after.mean()
 
 
 def test_a_panorama_has_the_margins_of_the_edges_that_it_goes_on_over(tmp_path: Path) -> None:
@@ -221,10 +221,10 @@ def test_places_without_light_stay_black() -> None:
     rgba[:, :20, :3] = 0.0  # a dark wall
     rgba[7, 40, :3] = rgba[20:26, 40:46, :3] = 0.0  # noise
     rgba[0, 59] = 0.0  # nothing
-    found = denoise.unlit(rgba)
-    assert found[:, :20].all()
-    assert found.sum() == 40 * 20 + 1
-    assert found[0, 59]
+    dark = denoise.unlit(rgba)
+    assert dark[:, :20].all()
+    assert dark.sum() == 40 * 20 + 1
+    assert dark[0, 59]
 
 
 @needs_package
@@ -233,5 +233,5 @@ def test_an_outline_has_no_glow(tmp_path: Path) -> None:
     path = tmp_path / "a.scene"
     lit = "sphere(0.8, material: emissive(1, luminance: 9))\nsphere(0.1, center: [0, 2, 0])\n"
     path.write_text(lit + "camera([0, 0, 5], look_at: [0, 0, 0])\n")
-    found = maquette.render(path, size=(48, 36), samples=2, denoise=True, background="transparent").channels["rgba"]
-    assert not found[found[..., 3] == 0.0].any()
+    rgba = maquette.render(path, size=(48, 36), samples=2, denoise=True, background="transparent").channels["rgba"]
+    assert not rgba[rgba[..., 3] == 0.0].any()

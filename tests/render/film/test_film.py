@@ -114,33 +114,33 @@ def test_a_fixed_number_of_samples_is_their_mean(samples: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("asked", [{}, {"error": 0.02, "samples": 4096}])
-def test_any_number_of_threads_gives_the_same_bits(asked: dict[str, Any]) -> None:
-    one, *others = (draw(Painter(uneven), threads=threads, aov=("depth",), **asked) for threads in (1, 2, 5))
+@pytest.mark.parametrize("settings", [{}, {"error": 0.02, "samples": 4096}])
+def test_any_number_of_threads_gives_the_same_bits(settings: dict[str, Any]) -> None:
+    single, *others = (draw(Painter(uneven), threads=threads, aov=("depth",), **settings) for threads in (1, 2, 5))
     for other in others:
-        for name, channel in one.channels.items():
+        for name, channel in single.channels.items():
             np.testing.assert_array_equal(channel, other.channels[name])
         for name in ("variance", "half_difference"):
-            np.testing.assert_array_equal(one.metadata[name], other.metadata[name])
-        same = {k: v for k, v in one.metadata.items() if k not in ("threads", "pace", "variance", "half_difference")}
+            np.testing.assert_array_equal(single.metadata[name], other.metadata[name])
+        same = {k: v for k, v in single.metadata.items() if k not in ("threads", "pace", "variance", "half_difference")}
         assert same == {k: other.metadata[k] for k in same}
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("asked", [{"samples": 64}, {"samples": 5}, {"error": 0.02, "samples": 4096}])
-def test_a_progressive_picture_refines_all_tiles_together_to_the_same_bits(asked: dict[str, Any]) -> None:
+@pytest.mark.parametrize("settings", [{"samples": 64}, {"samples": 5}, {"error": 0.02, "samples": 4096}])
+def test_a_progressive_picture_refines_all_tiles_together_to_the_same_bits(settings: dict[str, Any]) -> None:
     shown: list[np.ndarray] = []
 
     def report(progress: Progress) -> None:
         if progress.picture is not None:
             shown.append(progress.picture.samples.copy())
 
-    plain = draw(Painter(uneven), aov=("depth",), **asked)
-    picture = film.run(Painter(uneven), plan(aov=("depth",), threads=1, **asked), View(0, *SIZE), report, progressive=True)
-    for name, channel in plain.channels.items():
+    by_tiles = draw(Painter(uneven), aov=("depth",), **settings)
+    picture = film.run(Painter(uneven), plan(aov=("depth",), threads=1, **settings), View(0, *SIZE), report, progressive=True)
+    for name, channel in by_tiles.channels.items():
         np.testing.assert_array_equal(picture.channels[name], channel)
-    np.testing.assert_array_equal(picture.metadata["variance"], plain.metadata["variance"])
-    same = {k: v for k, v in plain.metadata.items() if k not in ("threads", "pace", "variance", "half_difference")}
+    np.testing.assert_array_equal(picture.metadata["variance"], by_tiles.metadata["variance"])
+    same = {k: v for k, v in by_tiles.metadata.items() if k not in ("threads", "pace", "variance", "half_difference")}
     assert same == {k: picture.metadata[k] for k in same}
     first = next(k for k, samples in enumerate(shown) if samples.min() > 0)
     assert shown[first].max() <= 4
@@ -149,11 +149,11 @@ def test_a_progressive_picture_refines_all_tiles_together_to_the_same_bits(asked
 
 
 def test_a_crop_is_a_part_of_the_whole() -> None:
-    whole = draw(aov=("position",))
+    complete = draw(aov=("position",))
     part = draw(aov=("position",), crop=(11, 7, 64, 53))
     assert (part.width, part.height) == (53, 46)
     for name in ("rgba", "position"):
-        np.testing.assert_array_equal(part.channels[name], whole.channels[name][7:53, 11:64])
+        np.testing.assert_array_equal(part.channels[name], complete.channels[name][7:53, 11:64])
 
 
 def test_cancelling_returns_what_is_done() -> None:
@@ -166,13 +166,13 @@ def test_cancelling_returns_what_is_done() -> None:
             cancel.set()
 
     picture = draw(Painter(wait=0.002), progress, cancel, aov=("depth",), threads=2)
-    whole = draw(aov=("depth",))
+    complete = draw(aov=("depth",))
     drawn = np.isfinite(picture.channels["depth"][..., 0])
     assert picture.metadata["partial"] is True
     assert picture.metadata["error"] is None
     assert 0 < drawn.sum() < drawn.size
     assert np.all(picture.channels["rgba"][~drawn] == 0.0)
-    some = drawn & (picture.channels["rgba"][..., 0] == whole.channels["rgba"][..., 0])
+    some = drawn & (picture.channels["rgba"][..., 0] == complete.channels["rgba"][..., 0])
     assert some.sum() >= 3 * 6 * 32  # the tiles that were finished; one being drawn may have fewer samples
     assert 0.0 < seen[-1] < 1.0
 
@@ -181,8 +181,8 @@ def test_cancelling_beforehand_draws_nothing() -> None:
     cancel = threading.Event()
     cancel.set()
     painter = Painter()
-    for asked in ({}, {"error": 0.01}):
-        picture = draw(painter, cancel=cancel, aov=("id",), **asked)
+    for settings in ({}, {"error": 0.01}):
+        picture = draw(painter, cancel=cancel, aov=("id",), **settings)
         assert painter.calls == []
         assert picture.metadata["partial"] is True
         assert picture.metadata["samples"] == 0
@@ -209,22 +209,22 @@ def test_an_interruption_here_ends_the_workers() -> None:
     assert len({tile for tile, *_ in painter.calls}) < len(film.tiles((0, 0, *SIZE)))
 
 
-@pytest.mark.parametrize("asked", [{}, {"error": 0.03, "samples": 4096}, {"budget": 0.3, "samples": 100_000}])
-def test_progress_is_told_in_the_callers_thread(asked: dict[str, Any]) -> None:
+@pytest.mark.parametrize("settings", [{}, {"error": 0.03, "samples": 4096}, {"budget": 0.3, "samples": 100_000}])
+def test_progress_is_told_in_the_callers_thread(settings: dict[str, Any]) -> None:
     seen, threads = [], set()
 
     def progress(reached: Progress) -> None:
         seen.append(reached)
         threads.add(threading.current_thread())
 
-    picture = draw(progress=progress, **asked)
+    picture = draw(progress=progress, **settings)
     shares, samples = [p.share for p in seen], [p.samples for p in seen]
     assert len(seen) >= len(film.tiles((0, 0, *SIZE)))
     assert {p.stage for p in seen} == {"rendering"}
-    assert {p.most for p in seen} == {0 if asked else picture.metadata["samples"]}
+    assert {p.most for p in seen} == {0 if settings else picture.metadata["samples"]}
     assert min(shares) >= 0.0
     assert shares[-1] == 1.0
-    assert shares == sorted(shares) or "error" in asked
+    assert shares == sorted(shares) or "error" in settings
     assert samples == sorted(samples)
     assert samples[-1] == pytest.approx(picture.metadata["samples_mean"])
     assert seen[-1].error == picture.metadata["error"]
@@ -237,8 +237,8 @@ def test_the_error_so_far_is_told_and_changes_nothing(monkeypatch: pytest.Monkey
     seen: list[Progress] = []
     picture = draw(Painter(wait=0.002), seen.append, samples=256)
     np.testing.assert_array_equal(picture.channels["rgba"], draw(samples=256).channels["rgba"])
-    told = [p.error for p in seen[len(seen) // 2 :]]
-    assert all(error == pytest.approx(picture.metadata["error"], rel=0.5) for error in told)
+    errors = [p.error for p in seen[len(seen) // 2 :]]
+    assert all(error == pytest.approx(picture.metadata["error"], rel=0.5) for error in errors)
 
 
 def test_expected_samples_follow_the_last_two_rounds() -> None:
@@ -292,14 +292,14 @@ def test_estimates_of_pixels_do_not_depend_on_threads() -> None:
     """Each block of rows looks at a row more on either side."""
     rng = np.random.default_rng(2)
     relative, samples = rng.random((300, 7)) ** 8, rng.integers(1, 64, (300, 7))
-    whole = adaptive_sampling.smooth(relative[:50], samples[:50])
+    top_rows = adaptive_sampling.smooth(relative[:50], samples[:50])
     for threads in (1, 3):
-        found = adaptive_sampling.smooth(relative, samples, threads)
-        assert np.array_equal(found[:49], whole[:49])
+        smoothed = adaptive_sampling.smooth(relative, samples, threads)
+        assert np.array_equal(smoothed[:49], top_rows[:49])
         for top in (10, 63, 64, 65, 128, 200):
             part = slice(top, top + 60)
-            assert np.array_equal(found[part][1:-1], adaptive_sampling.smooth(relative[part], samples[part])[1:-1])
-        assert np.array_equal(found[-1], adaptive_sampling.smooth(relative[-2:], samples[-2:])[-1])
+            assert np.array_equal(smoothed[part][1:-1], adaptive_sampling.smooth(relative[part], samples[part])[1:-1])
+        assert np.array_equal(smoothed[-1], adaptive_sampling.smooth(relative[-2:], samples[-2:])[-1])
 
 
 def test_a_pixel_that_is_noisy_alone_does_not_make_all_others_pay() -> None:
@@ -315,14 +315,14 @@ def test_a_pixel_that_is_noisy_alone_does_not_make_all_others_pay() -> None:
 def test_what_is_taken_for_an_error_has_at_most_that_error(count: int) -> None:
     """Both the estimate, a mean over pixels, and the error itself are uncertain: the fewer the pixels, the more."""
     rng = np.random.default_rng(7)
-    wrong = taken = 0
+    wrong = accepted = 0
     for variance in np.linspace(0.3, 1.2, 300):
         estimate, picture = variance * rng.standard_normal((2, count)) ** 2
         if adaptive_sampling.excess(estimate[None], 1.0) == 0.0:
-            taken += 1
+            accepted += 1
             wrong += float(np.mean(picture)) > 1.0
-    assert taken > (60 if count == 100 else 150)
-    assert wrong <= 0.1 * taken
+    assert accepted > (60 if count == 100 else 150)
+    assert wrong <= 0.1 * accepted
 
 
 def test_samples_for_a_budget_stay_within_it_and_go_where_the_noise_is() -> None:
@@ -383,8 +383,8 @@ class Clockwork(Painter):
 
 
 def timed(painter: Clockwork, seconds: float, *, grants: bool = False, **changed: Any) -> image.Image:
-    made = plan(**{"budget": seconds, "samples": 100_000, "threads": 1, **changed})
-    return film.run(painter, made, View(0, *SIZE), deadline=painter.until(seconds), grants=grants)
+    decided = plan(**{"budget": seconds, "samples": 100_000, "threads": 1, **changed})
+    return film.run(painter, decided, View(0, *SIZE), deadline=painter.until(seconds), grants=grants)
 
 
 @pytest.mark.long

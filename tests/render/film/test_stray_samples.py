@@ -35,8 +35,8 @@ def test_fireflies_are_strays(seed: int) -> None:
     """One sample of one pixel in a thousand is a hundred times as bright."""
     rng = np.random.default_rng(seed)
     samples = 0.5 + 0.005 * rng.standard_normal((16, 120, 160))
-    for at in rng.choice(120 * 160, 15, replace=False):
-        samples.reshape(16, -1)[rng.integers(16), at] += 50.0
+    for pixel in rng.choice(120 * 160, 15, replace=False):
+        samples.reshape(16, -1)[rng.integers(16), pixel] += 50.0
     assert stray_samples.share_of_error(*of_samples(samples)) > 0.9
 
 
@@ -63,9 +63,9 @@ def test_a_lamp_of_one_pixel_is_no_stray(seed: int, covered: float) -> None:
     assert stray_samples.share_of_error(relative, rgba, differences) == 0.0
 
 
-@pytest.mark.parametrize(("size", "told"), [((1, 1), False), ((8, 8), False), ((24, 32), False), ((32, 32), True), ((25, 40), True)])
-def test_one_pixel_of_a_tiny_picture_is_more_than_a_thousandth_of_it(size: tuple[int, int], told: bool) -> None:
+@pytest.mark.parametrize(("size", "reported"), [((1, 1), False), ((8, 8), False), ((24, 32), False), ((32, 32), True), ((25, 40), True)])
+def test_one_pixel_of_a_tiny_picture_is_more_than_a_thousandth_of_it(size: tuple[int, int], reported: bool) -> None:
     samples = 0.5 + 0.005 * np.random.default_rng(3).standard_normal((16, *size))
     samples[3, size[0] // 2, size[1] // 2] += 50.0
     share = stray_samples.share_of_error(*of_samples(samples))
-    assert share > 0.9 if told else share == 0.0
+    assert share > 0.9 if reported else share == 0.0

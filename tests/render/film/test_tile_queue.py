@@ -71,19 +71,19 @@ def scene_of(folder: Path, text: str) -> Any:
     return maquette.load(folder / "queue.scene")
 
 
-def planned(scene: Any, asked: dict[str, Any], overrides: dict[str, str]) -> Any:
-    settings = ir.Settings(**{"size": SIZE, "denoise": False, "threads": 1, **asked})
-    return planner.make_plan(scene, settings, overrides)
+def planned(scene: Any, settings: dict[str, Any], overrides: dict[str, str]) -> Any:
+    complete = ir.Settings(**{"size": SIZE, "denoise": False, "threads": 1, **settings})
+    return planner.make_plan(scene, complete, overrides)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", KINDS)
 def test_pictures_are_those_of_single_tiles_on_any_number_of_threads(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text, asked, overrides = KINDS[name]
+    text, settings, overrides = KINDS[name]
     scene = scene_of(tmp_path, text)
     drawn = {}
     for threads in (1, 3, 16, 40):
-        image = render_scene.draw(scene, planned(scene, {**asked, "threads": threads}, overrides))
+        image = render_scene.draw(scene, planned(scene, {**settings, "threads": threads}, overrides))
         drawn[threads] = image.channels["rgba"], image.metadata["error"], image.metadata["issues"]
     chosen = render_scene.choose_renderer
 
@@ -94,7 +94,7 @@ def test_pictures_are_those_of_single_tiles_on_any_number_of_threads(name: str, 
         return renderer
 
     monkeypatch.setattr(render_scene, "choose_renderer", without_kernel)
-    image = render_scene.draw(scene, planned(scene, asked, overrides))
+    image = render_scene.draw(scene, planned(scene, settings, overrides))
     for picture, error, issues in drawn.values():
         assert np.array_equal(picture, image.channels["rgba"])
         assert (error, issues) == (image.metadata["error"], image.metadata["issues"])
@@ -129,9 +129,9 @@ def cancel_at_random(scene: Any, plan: Any, reference: np.ndarray, times: int) -
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["rays", "triangles", "shared paths", "packets"])
 def test_cancelling_at_random_moments_leaves_whole_calls(name: str, tmp_path: Path) -> None:
-    text, asked, overrides = KINDS[name]
+    text, settings, overrides = KINDS[name]
     scene = scene_of(tmp_path, text)
-    plan = planned(scene, {**asked, "threads": 3, "aov": ("samples",)}, overrides)
+    plan = planned(scene, {**settings, "threads": 3, "aov": ("samples",)}, overrides)
     reference = render_scene.draw(scene, plan).channels["rgba"]
     assert cancel_at_random(scene, plan, reference, 25) > 0
     assert np.array_equal(render_scene.draw(scene, plan).channels["rgba"], reference)
@@ -139,18 +139,18 @@ def test_cancelling_at_random_moments_leaves_whole_calls(name: str, tmp_path: Pa
 
 @pytest.mark.long
 def test_a_picture_is_cancelled_a_thousand_times(tmp_path: Path) -> None:
-    text, asked, overrides = KINDS["rays"]
+    text, settings, overrides = KINDS["rays"]
     scene = scene_of(tmp_path, text)
-    plan = planned(scene, {**asked, "threads": 4, "aov": ("samples",)}, overrides)
+    plan = planned(scene, {**settings, "threads": 4, "aov": ("samples",)}, overrides)
     reference = render_scene.draw(scene, plan).channels["rgba"]
     assert cancel_at_random(scene, plan, reference, 1000) > 100
     assert np.array_equal(render_scene.draw(scene, plan).channels["rgba"], reference)
 
 
 def test_a_cancelled_picture_goes_on_from_its_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
-    text, asked, overrides = KINDS["rays"]
+    text, settings, overrides = KINDS["rays"]
     scene = scene_of(tmp_path, text)
-    plan, view, path = planned(scene, {**asked, "threads": 2}, overrides), View(0, *SIZE), tmp_path / "checkpoint"
+    plan, view, path = planned(scene, {**settings, "threads": 2}, overrides), View(0, *SIZE), tmp_path / "checkpoint"
     reference = render_scene.draw(scene, plan).channels["rgba"]
     renderer = render_scene.choose_renderer(scene, plan, view)
     for _ in range(4):

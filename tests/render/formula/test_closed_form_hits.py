@@ -82,12 +82,12 @@ def test_a_thin_torus_from_far_away(tmp_path):
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     t, count = np.zeros(4000), np.zeros(4000, int)
     for _ in range(5):
-        found = ray_queries.closest(trees, o, d, t).t
-        hit = np.isfinite(found)
+        distance = ray_queries.closest(trees, o, d, t).t
+        hit = np.isfinite(distance)
         count += hit
-        p = (o[hit] + found[hit, None] * d[hit]) @ turn
+        p = (o[hit] + distance[hit, None] * d[hit]) @ turn
         assert np.abs(np.hypot(np.hypot(p[:, 0], p[:, 2]) - 1, p[:, 1]) - 0.01).max(initial=0) < 1e-10
-        t = np.where(hit, found + 1e-10, 3e4)
+        t = np.where(hit, distance + 1e-10, 3e4)
     assert (count % 2 == 0).all()
     assert (count > 0).sum() > 2000
 

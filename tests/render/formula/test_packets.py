@@ -79,16 +79,16 @@ def test_more_rays_than_a_packet_holds_are_traced_packet_by_packet(tmp_path):
     tables = scene_of(tmp_path, SURFACES["torus"]).tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4), size=96)
-    whole = packet_hits(trees, o, d)
+    hits = packet_hits(trees, o, d)
     first = packet_state.RAYS
     assert len(o) > 2 * first
     behind = packet_hits(trees, o[first:].copy(), d[first:].copy())
-    for one, other in zip(whole, behind, strict=True):
-        assert np.array_equal(one[first:], other)
-    rest, packet = no_hits(len(o)), Handle(packet_memory.allocate(trees.tables.forms, 0))
-    assert packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], rest) == len(o)
-    assert np.isinf(rest.t[:first]).all()
-    assert np.array_equal(rest.t[first:], behind[0])
+    for column, behind_column in zip(hits, behind, strict=True):
+        assert np.array_equal(column[first:], behind_column)
+    later_hits, packet = no_hits(len(o)), Handle(packet_memory.allocate(trees.tables.forms, 0))
+    assert packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), first, len(o), np.eye(4)[:3], later_hits) == len(o)
+    assert np.isinf(later_hits.t[:first]).all()
+    assert np.array_equal(later_hits.t[first:], behind[0])
 
 
 def test_packets_stop_at_t_max(tmp_path):
@@ -107,12 +107,12 @@ def test_a_part_of_a_packet_has_the_same_hits(tmp_path):
     tables = scene_of(tmp_path, SURFACES["blend"]).tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((2.0, 1.2, 2.4))
-    whole = packet_hits(trees, o, d)[0]
+    distances = packet_hits(trees, o, d)[0]
     for count in (1, 7, 100, 300, 1031):
         part = packet_hits(trees, o[500 : 500 + count].copy(), d[500 : 500 + count].copy())[0]
-        known = np.isfinite(part)
-        assert np.array_equal(known, np.isfinite(whole[500 : 500 + count]))
-        assert np.abs(part[known] - whole[500 : 500 + count][known]).max(initial=0.0) < 1e-10
+        hit = np.isfinite(part)
+        assert np.array_equal(hit, np.isfinite(distances[500 : 500 + count]))
+        assert np.abs(part[hit] - distances[500 : 500 + count][hit]).max(initial=0.0) < 1e-10
 
 
 STEPPED = {
@@ -128,14 +128,14 @@ def test_roots_at_jumps_are_the_same_in_every_packet(tmp_path, name):
     tables = scene_of(tmp_path, f"implicit(|x, y, z| {STEPPED[name]}, within: 1)").tables
     trees = ray_queries.build(tables, closed=False)
     o, d = picture((1.6, 1.5, 2.6))
-    whole = packet_hits(trees, o, d)
+    hits = packet_hits(trees, o, d)
     for count in (16, 256, 1024):
         parts = [packet_hits(trees, o[first : first + count].copy(), d[first : first + count].copy()) for first in range(0, len(o), count)]
         t, _, u, v = (np.concatenate(column) for column in zip(*parts, strict=True))
         hit = np.isfinite(t)
-        assert np.array_equal(hit, np.isfinite(whole[0]))
-        assert np.abs(t[hit] - whole[0][hit]).max() < 1e-14
-        assert np.hypot(u - whole[2], v - whole[3])[hit].max() < 1e-4  # normals of balls, at roots found in single precision
+        assert np.array_equal(hit, np.isfinite(hits[0]))
+        assert np.abs(t[hit] - hits[0][hit]).max() < 1e-14
+        assert np.hypot(u - hits[2], v - hits[3])[hit].max() < 1e-4  # normals of balls, at roots found in single precision
     assert int(trees.tables.forms.unproved[0]) == 0
 
 
@@ -192,8 +192,8 @@ def test_a_packet_does_not_depend_on_the_packet_before(tmp_path, name):
             some = np.sort(rng.choice(len(o), rng.integers(20, 3000), replace=False))
             o, d = o[some], d[some] + 0.1 * rng.normal(size=3)
         fresh = hits_of(Handle(packet_memory.allocate(trees.tables.forms, 0)), o, d)
-        for one, other in zip(hits_of(used, o, d)[:5], fresh[:5], strict=True):
-            assert np.array_equal(one, other)
+        for column, fresh_column in zip(hits_of(used, o, d)[:5], fresh[:5], strict=True):
+            assert np.array_equal(column, fresh_column)
 
 
 def test_surfaces_share_the_memory_of_a_thread(tmp_path):
@@ -204,10 +204,10 @@ def test_surfaces_share_the_memory_of_a_thread(tmp_path):
     shared = [Handle(state) for state in packet_memory.allocate_shared(forms, [0, 1, 2])]
     for turn in range(24):
         o, d = picture(tuple(2.5 * rng.normal(size=3)), half=0.02 + 0.3 * rng.random())
-        found = []
+        results = []
         for packet in (shared[turn % 3], Handle(packet_memory.allocate(forms, turn % 3))):
             out = no_hits(len(o))
             packets.trace(packet, packet_state.ray_columns(o, d, 0.0, np.inf), 0, len(o), np.eye(4)[:3], out)
-            found.append(out[:5])
-        for one, other in zip(*found, strict=True):
-            assert np.array_equal(one, other)
+            results.append(out[:5])
+        for column, fresh_column in zip(*results, strict=True):
+            assert np.array_equal(column, fresh_column)

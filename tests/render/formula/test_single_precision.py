@@ -61,14 +61,14 @@ def check_bounds(tape: Tape, low: np.ndarray, high: np.ndarray, random: np.rando
             slope = (gradient * way).sum(axis=0)
         if not isinstance(share, float):  # within a box: at the ends of its domain an operation may have no derivative
             slack = 1e-5 * (1 + np.abs(slope))
-            known = sure & np.isfinite(slope)
-            assert ((slope >= falls - slack) & (slope <= rises + slack))[known].all()
-        found, _ = evaluate("points32", tape, p[:, None])
+            has_slope = sure & np.isfinite(slope)
+            assert ((slope >= falls - slack) & (slope <= rises + slack))[has_slope].all()
+        values, _ = evaluate("points32", tape, p[:, None])
         error = 1.01 * off + 2.0**-23 * (np.abs(least) + np.abs(most))
         with np.errstate(invalid="ignore"):
-            apart = np.abs(found[0] - value)
+            apart = np.abs(values[0] - value)
         for other in (turn, -turn) if turn else ():
-            apart = np.minimum(apart, np.abs(found[0] - value + other))
+            apart = np.minimum(apart, np.abs(values[0] - value + other))
         assert (apart <= error)[sure].all()
 
 
@@ -105,13 +105,15 @@ def random_tape(random: np.random.Generator, rows: int = 30) -> Tape:
     """A tape of random operations on earlier values."""
     b = Builder()
     names = [0, 1, 2]
-    plain = [Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.MIN, Op.MAX, Op.ABS, Op.SQUARE, Op.HYPOT, Op.SIN, Op.COS, Op.ATAN, Op.NEGATE, Op.SQRT,
-             Op.DIVIDE, Op.EXP, Op.FLOOR, Op.NOISE, Op.CHOOSE, Op.ARC, Op.QUARTER_ARC]  # fmt: skip
+    operations = [
+        Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.MIN, Op.MAX, Op.ABS, Op.SQUARE, Op.HYPOT, Op.SIN, Op.COS, Op.ATAN, Op.NEGATE, Op.SQRT,
+        Op.DIVIDE, Op.EXP, Op.FLOOR, Op.NOISE, Op.CHOOSE, Op.ARC, Op.QUARTER_ARC,
+    ]  # fmt: skip
     for _ in range(rows):
-        op = plain[random.integers(len(plain))]
-        given = [names[random.integers(max(0, len(names) - 6), len(names))] for _ in range(arity(op))]
-        made = b.op(op, *given)
-        names.append(b.op(Op.SIN, made) if op in (Op.SQUARE, Op.MULTIPLY, Op.EXP, Op.DIVIDE) else made)
+        op = operations[random.integers(len(operations))]
+        operands = [names[random.integers(max(0, len(names) - 6), len(names))] for _ in range(arity(op))]
+        result = b.op(op, *operands)
+        names.append(b.op(Op.SIN, result) if op in (Op.SQUARE, Op.MULTIPLY, Op.EXP, Op.DIVIDE) else result)
     return b.finish(b.add(names[-1], b.scale(names[-2], 0.37)))
 
 

@@ -75,12 +75,12 @@ def toward(seen: Singular) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rays of pictures of points of the crease, each picture smaller than the one before."""
     x, y = np.meshgrid((np.arange(64) + 0.5) / 32 - 1, (np.arange(64) + 0.5) / 32 - 1)
     order = np.arange(4096).reshape(4, 4, 4, 4, 4, 4).transpose(0, 3, 1, 4, 2, 5).ravel()
-    eye, made = np.array(seen.eye, float), []
+    eye, rays = np.array(seen.eye, float), []
     for k in range(PICTURES):
         size = FIRST * RATIO**k
         d = np.array(seen.crease(0.03 * k)) - eye + np.stack([size * x.ravel(), size * (y + 0.3 * x).ravel(), 0 * x.ravel()], axis=1)[order]
-        made.append((np.tile(eye, (len(d), 1)), d))
-    return made
+        rays.append((np.tile(eye, (len(d), 1)), d))
+    return rays
 
 
 def hits(trees: Any, o: np.ndarray, d: np.ndarray, packet: bool) -> tuple[np.ndarray, ...]:

@@ -53,9 +53,9 @@ def test_operations_at_points_agree_with_numpy(op):
     random = np.random.default_rng(int(op))
     for _ in range(20):
         p = random.uniform(-3, 3, (3, LANES))
-        found, _ = evaluate("points", single(op), p[:, None])
+        values, _ = evaluate("points", single(op), p[:, None])
         expected = numpy_interpreter.points(single(op), *p)[0]
-        assert np.allclose(found[0], expected, rtol=1e-13, atol=1e-14, equal_nan=True)
+        assert np.allclose(values[0], expected, rtol=1e-13, atol=1e-14, equal_nan=True)
 
 
 @pytest.mark.parametrize("op", list(Op), ids=lambda op: op.name.lower())
@@ -69,15 +69,15 @@ def test_bounds_contain_the_values(op):
             high[1] = low[1]
         if op == Op.POWER:
             low[0], high[0] = abs(low[0]), abs(low[0]) + high[0] - low[0]
-        found, maybe = evaluate("boxes", single(op), np.stack([low, high], axis=1))
+        bounds, maybe = evaluate("boxes", single(op), np.stack([low, high], axis=1))
         for _ in range(5):
             value = numpy_interpreter.points(single(op), *(low + random.random(low.shape) * (high - low)))[0]
-            inside = (value >= found[0]) & (value <= found[1])
+            inside = (value >= bounds[0]) & (value <= bounds[1])
             for off in (turn, -turn) if turn else ():
-                inside |= (value + off >= found[0]) & (value + off <= found[1])
+                inside |= (value + off >= bounds[0]) & (value + off <= bounds[1])
             undefined = np.isnan(value)
             assert (inside | undefined).all()
-            assert (((maybe >> np.arange(LANES)) & 1 == 1) | np.isnan(found[0]))[undefined].all()
+            assert (((maybe >> np.arange(LANES)) & 1 == 1) | np.isnan(bounds[0]))[undefined].all()
 
 
 SURFACES = {
@@ -138,12 +138,12 @@ def test_compiled_code_and_interpreter_give_the_same_bits(tmp_path, name):
     tape_jit.finish()
     addresses = trees.tables.forms.compiled.copy()
     assert addresses.all()
-    found = []
+    results = []
     for table in (addresses, 0):
         trees.tables.forms.compiled[:] = table
-        found.append(ray_queries.closest(trees, o, d))
-    for one, other in zip(*found, strict=True):
-        assert np.array_equal(one, other)
+        results.append(ray_queries.closest(trees, o, d))
+    for compiled, interpreted in zip(*results, strict=True):
+        assert np.array_equal(compiled, interpreted)
 
 
 def test_rays_enter_and_leave_a_solid(tmp_path):
@@ -161,11 +161,11 @@ def test_rays_enter_and_leave_a_solid(tmp_path):
 
 def test_a_changed_number_compiles_nothing(tmp_path):
     text = "implicit(|x, y, z| x^4 + {0} * y^4 + z^4 <= 1)"
-    one, other = (scene_of(tmp_path, text.format(k)).tables for k in (1.5, 2.5))
-    assert scene_surfaces.tape_of(one, 0).structure() == scene_surfaces.tape_of(other, 0).structure()
-    first = ray_queries.build(one, closed=False)
+    before, after = (scene_of(tmp_path, text.format(k)).tables for k in (1.5, 2.5))
+    assert scene_surfaces.tape_of(before, 0).structure() == scene_surfaces.tape_of(after, 0).structure()
+    first = ray_queries.build(before, closed=False)
     tape_jit.finish()
-    trees = ray_queries.build(other, closed=False)
+    trees = ray_queries.build(after, closed=False)
     assert trees.tables.forms.compiled.all()
     assert np.array_equal(trees.tables.forms.compiled, first.tables.forms.compiled)
 
@@ -238,12 +238,12 @@ def test_tapes_of_cells_are_simpler_than_the_whole(tmp_path):
     forms = ray_queries.build(scene_of(tmp_path, many_balls(60)).tables, closed=False)
     before = forms.tables.forms.ends.tolist()
     ray_queries.closest(forms, *some_rays(2000, 3))
-    made = forms.tables.forms
-    assert before == [1, 0, 1, made.tapes[0, 1]]  # blocks are subdivided by rays only
-    leaves = int(made.ends[END_LEAVES])
+    surfaces = forms.tables.forms
+    assert before == [1, 0, 1, surfaces.tapes[0, 1]]  # blocks are subdivided by rays only
+    leaves = int(surfaces.ends[END_LEAVES])
     assert leaves > 100
-    assert made.tapes[0, 1] > 500
-    assert made.tapes[made.leaf_tape[:leaves], 1].mean() < 40
+    assert surfaces.tapes[0, 1] > 500
+    assert surfaces.tapes[surfaces.leaf_tape[:leaves], 1].mean() < 40
 
 
 def many_balls(count: int) -> str:
@@ -257,15 +257,15 @@ def test_the_grid_does_not_depend_on_the_threads(tmp_path, monkeypatch):
     monkeypatch.setattr(scene_surfaces, "MAX_CACHED", 1)
     tables, other_scene = (scene_of(tmp_path, many_balls(count)).tables for count in (59, 2))
     o, d = some_rays(6000, 9)
-    found = []
+    results = []
     for count in (1, 4, 4, 4):
         ray_queries.build(other_scene, closed=False)  # takes the place of the last grid
         trees, parts = ray_queries.build(tables, closed=False), np.array_split(np.arange(len(o)), count)
         with ThreadPoolExecutor(count) as pool:
             hits = list(pool.map(lambda part, trees=trees: ray_queries.closest(trees, o[part], d[part]), parts))
-        found.append([np.concatenate(column) for column in zip(*hits, strict=True)])
-    for other in found[1:]:
-        for a, b in zip(found[0], other, strict=True):
+        results.append([np.concatenate(column) for column in zip(*hits, strict=True)])
+    for other in results[1:]:
+        for a, b in zip(results[0], other, strict=True):
             assert np.array_equal(a, b)
 
 

@@ -104,10 +104,10 @@ def test_known_hits(name, origin, direction, t, part, normal) -> None:
         t = INF
     if name == "tube" and direction == (0.5, -2, 0):  # in by the open top, out by the open bottom
         t = INF
-    found, which = hit(kind, parameters, origin, direction)
-    assert found[0] == pytest.approx(t, rel=1e-12)
+    distance, which = hit(kind, parameters, origin, direction)
+    assert distance[0] == pytest.approx(t, rel=1e-12)
     if normal is not None:
-        p = np.asarray(origin, float) + found[0] * np.asarray(direction, float)
+        p = np.asarray(origin, float) + distance[0] * np.asarray(direction, float)
         n = analytic_shapes.normal(int(kind), table(parameters), 0, which[:1], tuple(p[:, None]))
         assert which[0] == part
         np.testing.assert_allclose(np.stack(np.broadcast_arrays(*n))[:, 0], normal, atol=1e-9)
@@ -145,18 +145,18 @@ def test_a_ray_leaves_what_it_enters(name: str) -> None:
     o = rng.normal(size=(n, 3))
     o *= 30.0 / np.linalg.norm(o, axis=1, keepdims=True)
     d = rng.uniform(-0.9, 0.9, o.shape) - o
-    at, count = np.zeros(n), np.zeros(n, int)
+    start, count = np.zeros(n), np.zeros(n, int)
     for crossing in range(6):
-        t, part = after(kind, parameters, o, d, at)
-        found = np.isfinite(t)
-        assert np.all(t[found] > at[found])
+        t, part = after(kind, parameters, o, d, start)
+        is_hit = np.isfinite(t)
+        assert np.all(t[is_hit] > start[is_hit])
         with np.errstate(all="ignore"):
             normal = analytic_shapes.normal(int(kind), table(parameters), 0, part, tuple((o + t[:, None] * d).T))
         facing = sum(c * d[:, k] for k, c in enumerate(normal)) / np.linalg.norm(d, axis=1)
-        clear = found & (np.abs(facing) > 1e-5)
+        clear = is_hit & (np.abs(facing) > 1e-5)
         assert np.all((facing[clear] < 0) == (crossing % 2 == 0))
-        count += found
-        at = np.where(found, t, INF)
+        count += is_hit
+        start = np.where(is_hit, t, INF)
     assert count.max() == {"torus": 4, "apple": 4}.get(name, 2)
     assert not np.any(count % 2), f"{np.sum(count % 2)} rays went in and never came out"
 

@@ -15,9 +15,9 @@ def rows(*points: tuple[float, float]) -> np.ndarray:
 
 def test_the_course_example():
     """1 and 4 inside, 2 and 3 outside one plane: the result is a, b, 4, 1, in that order."""
-    one, two, three, four = (0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)
+    v1, v2, v3, v4 = (0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)
     a, b = (1.0, 0.0), (1.0, 1.0)
-    assert np.array_equal(clipping.clip_polygon(rows(one, two, three, four), RIGHT), rows(a, b, four, one))
+    assert np.array_equal(clipping.clip_polygon(rows(v1, v2, v3, v4), RIGHT), rows(a, b, v4, v1))
 
 
 @pytest.mark.parametrize(
@@ -32,9 +32,9 @@ def test_the_course_example():
 def test_the_four_cases(start, end, added):
     segment = rows(start, end)
     out = np.empty((8, 3))
-    kept = clipping.clip_to_plane(segment, 2, RIGHT[0], out)
+    count = clipping.clip_to_plane(segment, 2, RIGHT[0], out)
     back = clipping.clip_to_plane(rows(end, start), 2, RIGHT[0], np.empty((8, 3)))
-    assert kept == back
+    assert count == back
     assert out[: len(added)].tolist() == [[x, y, 1.0] for x, y in added]
 
 
@@ -76,10 +76,10 @@ corner = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
 def test_neighbours_get_the_same_crossing(a, b, c, d):
     """Two triangles with the edge a-b, in opposite directions, share bit-identical points after clipping."""
     border = np.array([[0.3, -0.7, 0.11]])
-    one, other = clipping.clip_polygon(rows(a, b, c), border), clipping.clip_polygon(rows(b, a, d), border)
+    first, second = clipping.clip_polygon(rows(a, b, c), border), clipping.clip_polygon(rows(b, a, d), border)
     distances = rows(a, b) @ border[0]
     if (distances[0] >= 0) != (distances[1] >= 0):
-        shared = {tuple(p) for p in one.tolist()} & {tuple(p) for p in other.tolist()}
+        shared = {tuple(p) for p in first.tolist()} & {tuple(p) for p in second.tolist()}
         assert len(shared) >= 2
 
 
@@ -87,5 +87,5 @@ def test_neighbours_get_the_same_crossing(a, b, c, d):
 def test_what_is_left_is_inside_and_holds_every_corner_that_was(points):
     cut = clipping.clip_polygon(rows(*points), RIGHT)
     assert (cut @ RIGHT[0] >= -1e-12).all()
-    left = {tuple(p) for p in cut.tolist()}
-    assert {(x, y, 1.0) for x, y in points if x <= 1.0} <= left
+    vertices = {tuple(p) for p in cut.tolist()}
+    assert {(x, y, 1.0) for x, y in points if x <= 1.0} <= vertices

@@ -23,17 +23,17 @@ def planet(height: float = 2.0) -> ir.Tables:
 
 
 def tessellations(scene: ir.Tables, tolerance: float) -> dict[int, analytic_shapes.Tessellation]:
-    _, made, view = pictures.planned(scene, "raster", tolerance=tolerance)
-    return prepare.prepare(ir.Scene("test", scene, names=ir.Names(cameras=("",))), made, view).tessellations
+    _, decided, view = pictures.planned(scene, "raster", tolerance=tolerance)
+    return prepare.prepare(ir.Scene("test", scene, names=ir.Names(cameras=("",))), decided, view).tessellations
 
 
 def test_the_horizon_of_a_planet():
     """From 2 m above, every pixel shows its ray's hit; a tessellation of 1024 chords would end 47 m below."""
     drawn = [pictures.picture(planet(), backend, aov=("id", "depth")).channels for backend in ("raster", "ray")]
     assert np.array_equal(drawn[0]["id"], drawn[1]["id"])
-    there = np.isfinite(drawn[1]["depth"])
-    assert np.allclose(drawn[0]["depth"][there], drawn[1]["depth"][there], rtol=1e-6)
-    assert 0.4 < there.mean() < 0.6
+    is_hit = np.isfinite(drawn[1]["depth"])
+    assert np.allclose(drawn[0]["depth"][is_hit], drawn[1]["depth"][is_hit], rtol=1e-6)
+    assert 0.4 < is_hit.mean() < 0.6
 
 
 def test_near_or_very_fine_shapes_have_no_triangles():
@@ -48,9 +48,9 @@ def test_near_or_very_fine_shapes_have_no_triangles():
 
 def test_a_given_tolerance_holds_and_the_default_is_a_twentieth():
     far = tables.scene([(K.SPHERE, [0.5], tables.matrix((0, 0, -5)), 0)], camera=CameraData(0, 0.4))
-    asked = {t: pictures.planned(far, "raster", tolerance=t)[1] for t in (None, 0.4)}
-    assert asked[None]["tolerance"] == 0.05
-    assert asked[0.4]["tolerance"] == 0.4
+    plans = {t: pictures.planned(far, "raster", tolerance=t)[1] for t in (None, 0.4)}
+    assert plans[None]["tolerance"] == 0.05
+    assert plans[0.4]["tolerance"] == 0.4
     assert pictures.planned(far, "raster", {"tolerance": "0.2"})[1]["tolerance"] == 0.2
     with pytest.raises(planner.PlanError, match="`tolerance` cannot be -1"):
         pictures.planned(far, "raster", {"tolerance": "-1"})
@@ -61,8 +61,8 @@ def test_a_given_tolerance_holds_and_the_default_is_a_twentieth():
 def test_boxes_of_pixels():
     """Shapes in front of the eye lie in their box plus four pixels; shapes that reach behind it may be anywhere."""
     before = (K.BOX, [1.0, 1.0, 1.0], tables.matrix((0, 0, -5)), 0)
-    made = tables.scene([before, (K.BOX, [9.0] * 3, tables.matrix(), 0), (K.PLANE, [], tables.matrix(), 0)], camera=CameraData(0, 1.0))
-    boxes = view_geometry.pixel_boxes(made, View(0, 80, 80), np.array([0, 1, 2]))
+    scene = tables.scene([before, (K.BOX, [9.0] * 3, tables.matrix(), 0), (K.PLANE, [], tables.matrix(), 0)], camera=CameraData(0, 1.0))
+    boxes = view_geometry.pixel_boxes(scene, View(0, 80, 80), np.array([0, 1, 2]))
     assert boxes[0].tolist() == [40 - 10 - 4, 40 - 10 - 4, 40 + 10 + 4, 40 + 10 + 4]
     assert (boxes[1:, :2] < -(1 << 20)).all()
     assert (boxes[1:, 2:] > 1 << 20).all()

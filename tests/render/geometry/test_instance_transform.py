@@ -43,9 +43,9 @@ def moved(tables: ir.Tables, seed: int, keys: int = 3, share: float = 0.7) -> ir
         for _ in range(keys - 1):
             turn = transforms.rotation(AxisAngle(tuple(random.normal(size=3)), random.uniform(-2.5, 2.5)))
             grow = np.diag([*random.uniform(0.7, 1.4, 3), 1.0])
-            made = places[-1] @ turn @ grow
-            made[:3, 3] += random.uniform(-1.5, 1.5, 3)
-            places.append(made)
+            place = places[-1] @ turn @ grow
+            place[:3, 3] += random.uniform(-1.5, 1.5, 3)
+            places.append(place)
         first[row], count[row] = sum(len(p[0]) for p in parts), keys
         parts.append(motion_keys.decompose(np.stack(places)[:, :3]))
     columns = [np.concatenate([p[k] for p in parts]) for k in range(3)]
@@ -84,9 +84,9 @@ def trace_kernels(tables: ir.Tables, ray: Ray, brute: bool = False) -> tuple[np.
     accel = Handle(scene_bvh.build(tables, brute))
     motion_alpha.link(accel)
     n = len(ray.t_min)
-    found = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
-    closest_at(accel, np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max, ray.time]), *found)
-    return found
+    hits = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
+    closest_at(accel, np.stack([*ray.origin, *ray.direction, ray.t_min, ray.t_max, ray.time]), *hits)
+    return hits
 
 
 # --- keys -----------------------------------------------------------------------------------------------------------------------
@@ -103,9 +103,9 @@ def test_decomposition_and_composition_are_inverse(seed):
         np.testing.assert_allclose(motion_keys.interpolate(parts, float(k)), places[k], rtol=0, atol=1e-13 * np.abs(places).max())
     keys = ir.Keys(*parts)
     shares = random.uniform(0, 1, 5)
-    made = np.stack(instance_transform.interpolate_keys(keys, 0, np.full(5, 2), shares), axis=1).reshape(-1, 3, 4)
-    wanted = np.stack([motion_keys.interpolate(parts, s) for s in shares])
-    np.testing.assert_allclose(made, wanted, rtol=0, atol=1e-12 * np.abs(places).max())
+    matrices = np.stack(instance_transform.interpolate_keys(keys, 0, np.full(5, 2), shares), axis=1).reshape(-1, 3, 4)
+    expected = np.stack([motion_keys.interpolate(parts, s) for s in shares])
+    np.testing.assert_allclose(matrices, expected, rtol=0, atol=1e-12 * np.abs(places).max())
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.03, 1.0, 3.0])
@@ -114,9 +114,9 @@ def test_rotation_is_uniform_and_keeps_the_size(angle):
     axis = (1.0, 2.0, -1.0)
     places = np.stack([transforms.rotation(AxisAngle(axis, a))[:3] for a in (0.0, angle)])
     for share in (0.25, 0.5, 0.9):
-        wanted = transforms.rotation(AxisAngle(axis, share * angle))[:3]
+        expected = transforms.rotation(AxisAngle(axis, share * angle))[:3]
         np.testing.assert_allclose(
-            motion_keys.interpolate(motion_keys.decompose(places), share), wanted, atol=1e-15 if angle < 0.01 else 4e-15
+            motion_keys.interpolate(motion_keys.decompose(places), share), expected, atol=1e-15 if angle < 0.01 else 4e-15
         )
 
 
@@ -154,15 +154,15 @@ def test_bvh_and_brute_force_agree_on_moving_instances(seed):
     n = 2500
     ray = random_rays(n, seed)._replace(time=np.random.default_rng(seed).uniform(0, 1, n))
     active = np.ones(n, bool)
-    wanted: Hit = intersect.closest_hit(intersect.Brute(), tables, ray, active, 1)
+    expected: Hit = intersect.closest_hit(intersect.Brute(), tables, ray, active, 1)
     share = intersect.transmittance(intersect.Brute(), tables, ray, active)
     for brute in (False, True):
         t, instance, primitive, passed = trace_kernels(tables, ray, brute)
-        np.testing.assert_array_equal(instance, wanted.instance)
-        np.testing.assert_array_equal(primitive, wanted.primitive)
-        np.testing.assert_allclose(t, wanted.t, rtol=1e-12)
+        np.testing.assert_array_equal(instance, expected.instance)
+        np.testing.assert_array_equal(primitive, expected.primitive)
+        np.testing.assert_allclose(t, expected.t, rtol=1e-12)
         np.testing.assert_allclose(passed, share, rtol=1e-12)
-    assert 0.3 < np.mean(np.isfinite(wanted.t)) < 1
+    assert 0.3 < np.mean(np.isfinite(expected.t)) < 1
 
 
 def test_rays_without_a_time_use_the_opening():
@@ -170,8 +170,8 @@ def test_rays_without_a_time_use_the_opening():
     ray = random_rays(1500, 4)
     still = replace_keys(tables)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1)
-    for found, wanted in zip(kernels.closest(kernels.build(tables), *what), kernels.closest(kernels.build(still), *what), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
+    for column, expected in zip(kernels.closest(kernels.build(tables), *what), kernels.closest(kernels.build(still), *what), strict=True):
+        np.testing.assert_allclose(column, expected, rtol=1e-9, atol=1e-9)
     assert not motion_alpha.has_motion(kernels.build(still).type)
 
 
@@ -187,8 +187,8 @@ def picture(folder, text: str, **settings_: object) -> np.ndarray:
     """(h, w, 4) of a scene's text."""
     path = folder / "a.scene"
     path.write_text(text, encoding="utf-8")
-    made = load.load(path)
-    return render_scene.draw(made, plan.make_plan(made, ir.Settings(**settings_))).channels["rgba"].astype(float)  # type: ignore[arg-type]
+    scene = load.load(path)
+    return render_scene.draw(scene, plan.make_plan(scene, ir.Settings(**settings_))).channels["rgba"].astype(float)  # type: ignore[arg-type]
 
 
 BAR = """
@@ -207,17 +207,17 @@ def test_a_bar_that_moves_past_is_a_trapezoid(tmp_path, backend, width, speed):
     travelled = speed * 0.1
     text = BAR.replace("W", f"{width}").replace("SPEED", f"{speed}")
     samples = 64
-    got = picture(tmp_path, text, backend=backend, samples=samples, size=(64, 2), filter="box")[..., 3].mean(axis=0)
+    coverage = picture(tmp_path, text, backend=backend, samples=samples, size=(64, 2), filter="box")[..., 3].mean(axis=0)
     x = (np.arange(64) + 0.5) / 8 - 4
     edges = np.linspace(-0.5, 0.5, 65)[:-1] / 8
-    at = x[None] + edges[:, None]  # the filter is a box: the mean over each column
-    covered = np.minimum(at + width / 2, travelled) - np.maximum(at - width / 2, 0)
+    positions = x[None] + edges[:, None]  # the filter is a box: the mean over each column
+    covered = np.minimum(positions + width / 2, travelled) - np.maximum(positions - width / 2, 0)
     exact = np.mean(np.clip(covered, 0, None) / travelled, axis=0)
     assert exact.max() == pytest.approx(min(1, width / travelled), abs=0.02)
     steps = 0.1 if backend == "raster" else 0.0  # sixteen moments
-    assert np.abs(got - exact).max() < 0.16 + steps  # 128 samples a column, stratified at best
-    assert np.abs(got - exact).mean() < 0.025
-    assert got.sum() / 8 == pytest.approx(width, rel=0.02)
+    assert np.abs(coverage - exact).max() < 0.16 + steps  # 128 samples a column, stratified at best
+    assert np.abs(coverage - exact).mean() < 0.025
+    assert coverage.sum() / 8 == pytest.approx(width, rel=0.02)
 
 
 SPINNING = """
@@ -233,25 +233,25 @@ render(bounces: 1)
 def test_a_whole_turn_is_a_disk(tmp_path, backend):
     """A rotating bar covers radius r for 2 a · sin⁻¹(h/r)/π of the time: it neither shrinks nor stops between keys."""
     text = SPINNING
-    got = picture(tmp_path, text, backend=backend, samples=64, size=(50, 50), filter="box")[..., 3]
+    coverage = picture(tmp_path, text, backend=backend, samples=64, size=(50, 50), filter="box")[..., 3]
     y, x = (np.mgrid[0:50, 0:50] + 0.5 - 25) / 10
     r = np.hypot(x, y)
     ring = (r > 0.5) & (r < 1.7)
-    wanted = 2 * np.arcsin(np.clip(0.2 / r, 0, 1)) / np.pi
-    assert np.abs((got - wanted)[ring].mean()) < 0.01
-    assert np.abs((got - wanted)[ring]).mean() < 0.05
-    assert got[r > 2.2].max() == 0
+    expected = 2 * np.arcsin(np.clip(0.2 / r, 0, 1)) / np.pi
+    assert np.abs((coverage - expected)[ring].mean()) < 0.01
+    assert np.abs((coverage - expected)[ring]).mean() < 0.05
+    assert coverage[r > 2.2].max() == 0
 
 
 def test_moving_the_camera_is_moving_everything(tmp_path):
     """A moving camera blurs a static scene like a moving scene blurs before a static camera."""
-    thing = "box(size: [1, 4, 1], center: [A, 0, 0], material: emissive(1))\nsun()\nrender(bounces: 1)\n"
+    box = "box(size: [1, 4, 1], center: [A, 0, 0], material: emissive(1))\nsun()\nrender(bounces: 1)\n"
     camera = "camera(position: [B, 0, 9], look_at: [B, 0, 0], width: 8m, shutter: 100ms)\n"
     way = "10 * time / 1s"
-    one = picture(tmp_path, thing.replace("A", way) + camera.replace("B", "0"), samples=16, size=(32, 2))
-    other = picture(tmp_path, thing.replace("A", "0") + camera.replace("B", f"-({way})"), samples=16, size=(32, 2))
-    np.testing.assert_allclose(one, other, atol=1e-6)
-    assert one[..., 3].std() > 0.01
+    by_object = picture(tmp_path, box.replace("A", way) + camera.replace("B", "0"), samples=16, size=(32, 2))
+    by_camera = picture(tmp_path, box.replace("A", "0") + camera.replace("B", f"-({way})"), samples=16, size=(32, 2))
+    np.testing.assert_allclose(by_object, by_camera, atol=1e-6)
+    assert by_object[..., 3].std() > 0.01
 
 
 @pytest.mark.long
@@ -263,8 +263,8 @@ def test_ray_and_reference_are_the_same_picture(tmp_path):
     sun(from: [1, 3, 2])
     camera(position: [0, 1, 6], look_at: [time / 1s, 0, 0], shutter: 100ms)
     """
-    one, other = (picture(tmp_path, text, backend=b, samples=8, size=(40, 30)) for b in ("ray", "reference"))
-    assert np.mean(np.abs(one - other) > 1e-5) < 0.002  # a corner of a checker's cell apart
+    rays, reference = (picture(tmp_path, text, backend=b, samples=8, size=(40, 30)) for b in ("ray", "reference"))
+    assert np.mean(np.abs(rays - reference) > 1e-5) < 0.002  # a corner of a checker's cell apart
 
 
 def test_static_scenes_plan_no_motion(tmp_path):
@@ -280,12 +280,12 @@ def test_static_scenes_plan_no_motion(tmp_path):
         ),
     ):
         path.write_text(text)
-        made = load.load(path)
-        decision = plan.make_plan(made, ir.Settings()).decisions["motion_blur"]
+        scene = load.load(path)
+        decision = plan.make_plan(scene, ir.Settings()).decisions["motion_blur"]
         assert (decision.value, decision.reason) == (moves, why)
-        assert motion_alpha.has_motion(Handle(scene_bvh.build(made.tables)).type) == moves
-    off = plan.make_plan(made, ir.Settings(size=(8, 8), samples=1), {"motion_blur": "off"})
-    assert render_scene.draw(made, off).channels["rgba"].shape == (8, 8, 4)
+        assert motion_alpha.has_motion(Handle(scene_bvh.build(scene.tables)).type) == moves
+    off = plan.make_plan(scene, ir.Settings(size=(8, 8), samples=1), {"motion_blur": "off"})
+    assert render_scene.draw(scene, off).channels["rgba"].shape == (8, 8, 4)
 
 
 @pytest.mark.long
@@ -314,9 +314,9 @@ def test_missing_blur_is_reported(tmp_path):
     }
     for text, message in texts.items():
         path.write_text(text + "\ncamera([0, 0, 5], shutter: 100ms)\n")
-        found = Diagnostics()
-        load.load(path, diagnostics=found)
-        assert [d.message for d in found.items] == [message]
+        diagnostics = Diagnostics()
+        load.load(path, diagnostics=diagnostics)
+        assert [d.message for d in diagnostics.items] == [message]
 
 
 def test_usd_time_samples_blur(tmp_path):
@@ -339,9 +339,9 @@ def test_the_saved_form_keeps_keys(tmp_path):
 
     path = tmp_path / "a.scene"
     path.write_text("sphere(1, translate: [time / 1s, 0, 0])\ncamera([0, 0, 5], shutter: 10ms)\n")
-    made = load.load(path)
-    serialize.save(made, tmp_path / "a.npz")
-    assert serialize.content_hash(load.load(tmp_path / "a.npz")) == serialize.content_hash(replace(made))
+    scene = load.load(path)
+    serialize.save(scene, tmp_path / "a.npz")
+    assert serialize.content_hash(load.load(tmp_path / "a.npz")) == serialize.content_hash(replace(scene))
 
 
 def test_usd_shutters_open_on_time(tmp_path):

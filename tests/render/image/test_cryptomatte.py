@@ -51,11 +51,11 @@ def test_a_layers_key_is_as_published() -> None:
 def test_ranks_fall_and_nothing_has_no_id() -> None:
     ids = np.array([cryptomatte.id_of(n) for n in "abc"], np.uint32).view(np.float32)
     label = np.array([[0, 3, 2], [1, 3, 2], [1, 3, 3], [1, 3, 0]])
-    found = cryptomatte.rank(label, ids).reshape(3, cryptomatte.RANKS, 2)
-    assert found[0, :2].tolist() == [[ids[1], 0.75], [ids[0], 0.25]]
-    assert not found[1].any()
-    assert found[2, :2].tolist() == [[ids[2], 0.5], [ids[0], 0.25]]
-    assert not found[:, 2:].any()
+    ranks = cryptomatte.rank(label, ids).reshape(3, cryptomatte.RANKS, 2)
+    assert ranks[0, :2].tolist() == [[ids[1], 0.75], [ids[0], 0.25]]
+    assert not ranks[1].any()
+    assert ranks[2, :2].tolist() == [[ids[2], 0.5], [ids[0], 0.25]]
+    assert not ranks[:, 2:].any()
 
 
 @pytest.mark.parametrize("backend", ["reference", "ray", "raster"])
@@ -72,15 +72,15 @@ def test_mattes_come_back_from_a_file(tmp_path: Path, backend: str) -> None:
     assert set(keys) == {"CryptoObject", "CryptoMaterial"}
     names = list(spec.channelnames)
 
-    def matte(layer: str, thing: str) -> np.ndarray:
+    def matte(layer: str, object_name: str) -> np.ndarray:
         key = f"cryptomatte/{keys[layer]}"
         assert (said[f"{key}/hash"], said[f"{key}/conversion"]) == ("MurmurHash3_32", "uint32_to_float32")
-        wanted = int(json.loads(said[f"{key}/manifest"])[thing], 16)
+        hashed = int(json.loads(said[f"{key}/manifest"])[object_name], 16)
         total = np.zeros(pixels.shape[:2])
         for rank in range(cryptomatte.RANKS):
-            of, share = (f"{layer}{rank // 2:02d}.{'RGBA'[2 * (rank % 2) + k]}" for k in (0, 1))
-            ids = np.ascontiguousarray(pixels[..., names.index(of)]).view(np.uint32)
-            total += np.where(ids == wanted, pixels[..., names.index(share)], 0.0)
+            id_channel, share = (f"{layer}{rank // 2:02d}.{'RGBA'[2 * (rank % 2) + k]}" for k in (0, 1))
+            ids = np.ascontiguousarray(pixels[..., names.index(id_channel)]).view(np.uint32)
+            total += np.where(ids == hashed, pixels[..., names.index(share)], 0.0)
         return total
 
     left, middle = matte("CryptoObject", "left"), matte("CryptoObject", "middle")

@@ -30,9 +30,9 @@ def picture(rgba: object, **channels: object) -> Image:
 
 def raw(path: Path) -> tuple[oiio.ImageSpec, np.ndarray]:
     """The numbers as they stand in the file."""
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
-    source = oiio.ImageInput.open(str(path), wanted)
+    configuration = oiio.ImageSpec()
+    configuration.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(str(path), configuration)
     assert source is not None
     spec = source.spec()
     values = np.asarray(source.read_image(spec.format)).reshape(spec.height, spec.width, -1)
@@ -108,11 +108,11 @@ def test_png_rows_are_differences(tmp_path: Path) -> None:
     """All by the same filter, which is what makes them quick to write: trying five for each row takes longer than packing them."""
     image_files.write(picture(np.random.default_rng(1).random((9, 8, 4))), tmp_path / "x.png", image_files.Look(), ABOUT)
     data = (tmp_path / "x.png").read_bytes()
-    at, packed = 8, b""
-    while at < len(data):
-        size, kind = int.from_bytes(data[at : at + 4]), data[at + 4 : at + 8]
-        packed += data[at + 8 : at + 8 + size] if kind == b"IDAT" else b""
-        at += 12 + size
+    offset, packed = 8, b""
+    while offset < len(data):
+        size, kind = int.from_bytes(data[offset : offset + 4]), data[offset + 4 : offset + 8]
+        packed += data[offset + 8 : offset + 8 + size] if kind == b"IDAT" else b""
+        offset += 12 + size
     assert set(zlib.decompress(packed)[:: 1 + 3 * 8]) == {1}
 
 
@@ -137,9 +137,9 @@ def test_exr_is_linear_float_with_named_channels(tmp_path: Path) -> None:
     names += ["albedo.R", "albedo.G", "albedo.B", "uv.U", "uv.V", "id.instance", "id.material"]
     assert sorted(spec.channelnames) == sorted(names)
     assert spec.format == oiio.FLOAT
-    whole = np.concatenate(list(channels.values()), axis=2)
+    stacked = np.concatenate(list(channels.values()), axis=2)
     for i, name in enumerate(names):
-        assert np.array_equal(values[..., list(spec.channelnames).index(name)], whole[..., i]), name
+        assert np.array_equal(values[..., list(spec.channelnames).index(name)], stacked[..., i]), name
     assert np.array_equal(image_reader.read(tmp_path / "x.exr").channels["rgba"], channels["rgba"])
 
 
@@ -233,8 +233,8 @@ def test_white_balance_makes_the_light_of_its_temperature_white() -> None:
     light[0, 0, :3] = 0.5 * np.array(colors.kelvin(2700.0))
     r, g, b = image_files.display(light, image_files.Look(white=2700.0))[0, 0]
     assert r == g == b == 188  # sRGB of 0.5: luminance stays
-    plain = image_files.display(light, image_files.Look())[0, 0]
-    assert plain[0] > plain[2]
+    unbalanced = image_files.display(light, image_files.Look())[0, 0]
+    assert unbalanced[0] > unbalanced[2]
 
 
 def test_other_views_come_from_opencolorio(tmp_path: Path) -> None:

@@ -26,16 +26,16 @@ def picture(rows: int, columns: int, seed: int = 3) -> Image:
 @pytest.mark.parametrize("look", LOOKS)
 @pytest.mark.parametrize("size", SIZES)
 def test_pixels_are_read_as_they_were(size: tuple[int, int], look: image_files.Look, tmp_path: Path) -> None:
-    made, path = picture(*size), tmp_path / "a.png"
-    codes = image_files.display(made.channels["rgba"], look)
+    image, path = picture(*size), tmp_path / "a.png"
+    codes = image_files.display(image.channels["rgba"], look)
     files = []
     for threads in (1, 3):
-        image_files.write(made, path, look, {"version": "1", "command": "a b"}, threads)
+        image_files.write(image, path, look, {"version": "1", "command": "a b"}, threads)
         files.append(path.read_bytes())
     assert files[0] == files[1]
-    wanted = oiio.ImageSpec()
-    wanted.attribute("oiio:UnassociatedAlpha", 1)
-    source: Any = oiio.ImageInput.open(str(path), wanted)
+    configuration = oiio.ImageSpec()
+    configuration.attribute("oiio:UnassociatedAlpha", 1)
+    source: Any = oiio.ImageInput.open(str(path), configuration)
     kind = oiio.UINT8 if look.bits == 8 else oiio.UINT16
     assert np.array_equal(source.read_image(0, 0, 0, codes.shape[2], kind), codes)
     assert source.spec().get_string_attribute("ImageDescription") == "a b"
@@ -45,13 +45,13 @@ def test_pixels_are_read_as_they_were(size: tuple[int, int], look: image_files.L
 
 
 def test_strips_make_one_picture(tmp_path: Path) -> None:
-    made, path, other = picture(400, 300), tmp_path / "a.png", tmp_path / "b.png"
-    image_files.write(made, path, image_files.Look(), {})
+    image, path, other = picture(400, 300), tmp_path / "a.png", tmp_path / "b.png"
+    image_files.write(image, path, image_files.Look(), {})
     with image_files.Strips(other, image_files.Look(), {}, 400, 2) as file:
         for top, bottom in ((0, 1), (1, 170), (170, 400)):
-            file.add(Image(300, bottom - top, {"rgba": made.channels["rgba"][top:bottom]}, {}))
-    with Pillow.open(path) as one, Pillow.open(other) as two:
-        assert np.array_equal(np.asarray(one), np.asarray(two))
+            file.add(Image(300, bottom - top, {"rgba": image.channels["rgba"][top:bottom]}, {}))
+    with Pillow.open(path) as first, Pillow.open(other) as second:
+        assert np.array_equal(np.asarray(first), np.asarray(second))
 
 
 def test_an_unfinished_picture_leaves_the_old_file(tmp_path: Path) -> None:
@@ -71,16 +71,16 @@ def test_sums_of_parts_make_that_of_the_whole() -> None:
 
 
 def test_a_picture_is_written_by_as_many_threads_as_drew_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
+    pools: list[int] = []
     pool = png_stream.ThreadPoolExecutor
 
     def counted(threads: int) -> Any:
-        asked.append(threads)
+        pools.append(threads)
         return pool(threads)
 
     monkeypatch.setattr(png_stream, "ThreadPoolExecutor", counted)
     for threads in (1, 2, 3):
-        made = picture(900, 600)
-        made.metadata["threads"] = threads
-        image_files.write(made, tmp_path / "a.png", image_files.Look(), {})
-    assert asked == [2, 3]
+        image = picture(900, 600)
+        image.metadata["threads"] = threads
+        image_files.write(image, tmp_path / "a.png", image_files.Look(), {})
+    assert pools == [2, 3]

@@ -23,10 +23,10 @@ def test_where_codes_begin(stops: float) -> None:
     with np.errstate(over="ignore"):
         about = begins.astype(np.float32).view(np.int32)
     light = np.clip(about[:, None] + np.arange(-3000, 3000, dtype=np.int64), 0, 0x7F800000).astype(np.int32).view(np.float32)
-    found = srgb.codes(light, stops)
-    assert np.array_equal(found, by_the_curve(light, stops))
+    codes = srgb.codes(light, stops)
+    assert np.array_equal(codes, by_the_curve(light, stops))
     if abs(stops) <= 64:
-        assert set(found.ravel()) == set(range(256))
+        assert set(codes.ravel()) == set(range(256))
 
 
 @pytest.mark.parametrize("stops", STOPS)
@@ -53,9 +53,9 @@ def test_any_light_at_any_exposure(light: list[float], stops: float) -> None:
 
 def test_rows_of_pixels_with_more_channels() -> None:
     rgba = np.random.default_rng(2).random((5, 7, 4), dtype=np.float32)
-    found = srgb.codes(rgba[..., :3], 0.5)
-    assert np.array_equal(found, by_the_curve(rgba[..., :3], 0.5))
-    assert found.flags.c_contiguous
+    codes = srgb.codes(rgba[..., :3], 0.5)
+    assert np.array_equal(codes, by_the_curve(rgba[..., :3], 0.5))
+    assert codes.flags.c_contiguous
 
 
 @pytest.mark.parametrize("stops", STOPS)

@@ -32,8 +32,8 @@ _one_number = ops.helper(one_number)
 @kernel
 def _numbers(x, y, out):
     for k in range(len(x)):
-        found = _one_number(x[k], y[k])
-        for j, value in enumerate(found):
+        values = _one_number(x[k], y[k])
+        for j, value in enumerate(values):
             out[k, j] = value
 
 
@@ -118,6 +118,6 @@ def test_normals_stay_perpendicular_under_any_matrix(n, v):
     matrix[0, :, :3] = [[2, 0.3, 0], [0, -0.5, 0.2], [1, 0, 3]]
     inverse = np.zeros((1, 3, 4))
     inverse[0, :, :3] = np.linalg.inv(matrix[0, :, :3])
-    there = ops.dot(affine.transform_normal(inverse, 0, n), affine.transform_vector(matrix, 0, v))
-    assert there == pytest.approx(ops.dot(n, v), abs=1e-12)
-    assert math.isfinite(there)
+    product = ops.dot(affine.transform_normal(inverse, 0, n), affine.transform_vector(matrix, 0, v))
+    assert product == pytest.approx(ops.dot(n, v), abs=1e-12)
+    assert math.isfinite(product)

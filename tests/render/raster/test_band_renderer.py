@@ -35,21 +35,21 @@ SAMPLES = (1, 4, 16)
 def seen(points: np.ndarray, triangles: np.ndarray, samples: int) -> np.ndarray:
     """(h, w, samples) the triangle that each sample sees, or -1. A metre is a pixel; z points to the eye."""
     width, height = SIZE
-    at = np.column_stack([points[:, 0] - width / 2, height / 2 - points[:, 1], points[:, 2]])
+    positions = np.column_stack([points[:, 0] - width / 2, height / 2 - points[:, 1], points[:, 2]])
     camera = CameraData(0, height / 2, ir.Projection.ORTHOGRAPHIC)
-    scene = tables.scene(meshes=[(MeshData(at, triangles), tables.matrix((0, 0, -9)), 0)], camera=camera)
-    made = raster_scene.build(scene, View(0, width, height), {})
+    scene = tables.scene(meshes=[(MeshData(positions, triangles), tables.matrix((0, 0, -9)), 0)], camera=camera)
+    built = raster_scene.build(scene, View(0, width, height), {})
     pattern, band = band_buffer.pattern(samples), band_buffer.band_buffer(width, height, samples)
     band.clip[:] = 0, 0, width, height
-    drawn = meshlet_culling.find_visible(made.projection, made.meshlets, made.meshlet_ranges, (0, 0, width, height), 0, 64)
-    filling = band_buffer.Filling(made.projection, Handle(pattern), made.meshlets, drawn, Handle(band))
+    drawn = meshlet_culling.find_visible(built.projection, built.meshlets, built.meshlet_ranges, (0, 0, width, height), 0, 64)
+    filling = band_buffer.Filling(built.projection, Handle(pattern), built.meshlets, drawn, Handle(band))
     triangle_setup.draw_band(Handle(filling), 0)
     columns, rows = band.window[2:]
     ids = band.ids.reshape(rows // 4, columns // 4, samples, 4, 4).transpose(0, 4, 1, 3, 2).reshape(rows, columns, samples)
     ids = ids[:height, :width]
     some = np.maximum(ids, 0)
     slot = drawn.tables.first[some >> meshlets.SHIFT] + (some & ((1 << meshlets.SHIFT) - 1))
-    return np.where(ids >= 0, made.meshlets.tables.corner[slot, 3], -1)
+    return np.where(ids >= 0, built.meshlets.tables.corner[slot, 3], -1)
 
 
 def by_rule(corners: np.ndarray, samples: int) -> np.ndarray:
@@ -104,8 +104,8 @@ def test_fans_and_strips_share_their_samples_out(samples: int):
     for k in range(6):
         total += seen(fan, np.array([[k, (k + 1) % 6, 6]]), samples) >= 0
     assert total.max() == 1
-    whole = sum(by_rule(np.round(corners[[0, k, k + 1]] * 256).astype(np.int64), samples).astype(int) for k in range(1, 5))
-    assert np.array_equal(total, whole)
+    expected = sum(by_rule(np.round(corners[[0, k, k + 1]] * 256).astype(np.int64), samples).astype(int) for k in range(1, 5))
+    assert np.array_equal(total, expected)
 
 
 @pytest.mark.long
@@ -137,13 +137,13 @@ def test_sixteen_samples_are_a_net():
 
 def test_more_samples_lie_at_other_places():
     """Sixteen passes of sixteen samples hold all positions of a 16 × 16 grid; each pass is a net."""
-    made = [one.pattern for one in passes.passes(256, False, "box")]
-    assert len(made) == 16
-    assert len({(x, y) for one in made for x, y in zip(one.x // 16, one.y // 16, strict=True)}) == 256
-    for one in made:
-        assert len(np.unique(one.x // 64 * 4 + one.y // 64)) == 16
-    assert [len(one.pattern.x) for one in passes.passes(37, False, "box")] == [12, 12, 13]
-    assert [one.first for one in passes.passes(16, True, "box")] == [0, 8]
+    patterns = [each.pattern for each in passes.passes(256, False, "box")]
+    assert len(patterns) == 16
+    assert len({(x, y) for each in patterns for x, y in zip(each.x // 16, each.y // 16, strict=True)}) == 256
+    for each in patterns:
+        assert len(np.unique(each.x // 64 * 4 + each.y // 64)) == 16
+    assert [len(each.pattern.x) for each in passes.passes(37, False, "box")] == [12, 12, 13]
+    assert [each.first for each in passes.passes(16, True, "box")] == [0, 8]
     assert np.array_equal(passes.passes(16, False, "box")[0].pattern.x, band_buffer.pattern(16).x)
 
 
@@ -155,9 +155,9 @@ def test_soft_light_is_drawn_in_bands_and_tells_its_error():
     scene = tables.scene(shapes, camera=CameraData(0, 0.5), lights=[area], frame=tables.facing((0, 2, -2), (0, -1, -2)))
     long = pictures.picture(scene, samples=1024, size=(32, 24)).channels["rgba"][..., :3]
     drawn = pictures.picture(scene, overrides={"raster.sample_positions": "shared"}, samples=32, size=(32, 24))
-    told = drawn.metadata["error"]
+    estimate = drawn.metadata["error"]
     error = metrics.root_relmse(drawn.channels["rgba"][..., :3], long)
-    assert 0.5 * error < told < 2.0 * error
+    assert 0.5 * error < estimate < 2.0 * error
 
 
 @pytest.mark.parametrize("name", ["box", "tent", "gaussian", "blackman-harris"])
@@ -177,13 +177,13 @@ def test_many_sharp_samples_in_bands_cover_what_they_should():
     scene = tables.scene(meshes=[(quad, tables.matrix((0, 0, -2)), 0)], camera=CameraData(0, 0.5, ir.Projection.ORTHOGRAPHIC), lights=[])
     x = 12 + 24 * (0.1 + 0.4 / 18 * (np.arange(24 * 64) + 0.5 - 12 * 64) / 24 / 64)
     exact = np.clip(x[:, None] - np.arange(24), 0, 1).reshape(24, 64, 24).mean(axis=1)
-    own, shared = (
+    per_pixel, shared = (
         pictures.picture(scene, overrides={"raster.sample_positions": how}, samples=256, size=(24, 24), filter="box")
         for how in ("per_pixel", "shared")
     )
-    own, shared = (image.channels["rgba"][..., 3] for image in (own, shared))
+    per_pixel, shared = (image.channels["rgba"][..., 3] for image in (per_pixel, shared))
     assert np.abs(shared - exact).max() < 2 / 256
-    assert np.abs(own - shared).max() < 6 / 256
+    assert np.abs(per_pixel - shared).max() < 6 / 256
 
 
 def test_places_are_not_asked_for_where_samples_are_not_counted():
@@ -198,9 +198,9 @@ def a_mesh_in_bands(threads: int = 1, crop: tuple[int, ...] | None = None) -> tu
     triangles = np.arange(900).reshape(-1, 3)
     sun = LightData(ir.LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), direction=(0.0, 0.6, 0.8), shadows=False)
     scene = tables.scene(meshes=[(MeshData(points, triangles), tables.matrix((0, 0, -4)), 0)], lights=[sun])
-    asked = {"size": (90, 300), "background": (1.0, 1.0, 1.0), "threads": threads, "crop": crop}
-    made, decided, view = pictures.planned(scene, "raster", **asked)
-    return prepare.prepare(made, decided, view, pictures.general()), decided, view
+    settings = {"size": (90, 300), "background": (1.0, 1.0, 1.0), "threads": threads, "crop": crop}
+    prepared_scene, decided, view = pictures.planned(scene, "raster", **settings)
+    return prepare.prepare(prepared_scene, decided, view, pictures.general()), decided, view
 
 
 @pytest.mark.parametrize("seconds", [1e-9, 3e-4, 1.0])
@@ -215,8 +215,8 @@ def test_bands_are_the_same_however_many_are_drawn_at_once(seconds: float, monke
     monkeypatch.setattr(band_scheduler, "CALL_SECONDS", seconds)
     for threads in (1, 2, 5):
         prepared, decided, view = a_mesh_in_bands(threads)
-        whole = film.run(raster.Renderer(prepared, decided, view), decided, view)
-        assert np.array_equal(whole.channels["rgba"], alone)
+        complete = film.run(raster.Renderer(prepared, decided, view), decided, view)
+        assert np.array_equal(complete.channels["rgba"], alone)
     assert len(np.unique(alone)) > 100
 
 
@@ -224,11 +224,11 @@ def test_memory_that_is_kept_for_the_next_picture_does_not_keep_the_last():
     prepared, decided, view = a_mesh_in_bands()
     renderer = raster.Renderer(prepared, decided, view)
     film.run(renderer, decided, view)
-    gone = weakref.ref(renderer.whole)
-    assert gone() is not None
+    reference = weakref.ref(renderer.whole)
+    assert reference() is not None
     del renderer
     gc.collect()
-    assert gone() is None
+    assert reference() is None
 
 
 def test_what_no_turn_has_drawn_is_empty(monkeypatch: pytest.MonkeyPatch):

@@ -81,7 +81,7 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
     view, tile = View(0, 48, 48), Tile(0, 0, 48, 48)
     tessellation = analytic_shapes.tessellate(K.SPHERE, [1.0], 0.1)
     model, ranges = view_geometry.build_model(scene, view, {0: tessellation})
-    made = Handle(model)
+    packed = Handle(model)
     drawn = pictures.renderer(scene, "raster", size=(48, 48), filter="box")
     reach = 128 if total > 1 else 0
     positions = Handle(scalar_raster.scratch_for(tile, total, reach, scalar_raster.workspace_for(scene)))
@@ -91,7 +91,7 @@ def test_closed_meshes_cover_each_sample_once_a_layer(total):
     for triangle in range(ranges[0, 0], ranges[0].sum()):
         scratch = scalar_raster.scratch_for(tile, total, reach, scalar_raster.workspace_for(scene))
         scratch.samples.x[:], scratch.samples.y[:] = placed.x, placed.y
-        scalar_raster.draw_triangle(made, 0, triangle, tile, 0, Handle(scratch))
+        scalar_raster.draw_triangle(packed, 0, triangle, tile, 0, Handle(scratch))
         covered += scratch.depth.instance >= 0
     assert set(np.unique(covered)) == {0, 2}
 
@@ -145,8 +145,8 @@ def test_perspective_weights_at_the_middle():
     points = [[-0.5, -1, -1], [4.5, -9, -9], [4.5, 9, -9], [-0.5, 1, -1]]
     uv = MeshAttribute(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]]))
     scene = tables.scene(meshes=[(mesh(points, [[0, 1, 2], [0, 2, 3]], uvs=uv), np.eye(4), 0)], camera=EYE)
-    found = pictures.aov(scene, "uv", size=(97, 97))[48, 48]
-    assert found[0] == pytest.approx(0.1, rel=1e-6)
+    uv_there = pictures.aov(scene, "uv", size=(97, 97))[48, 48]
+    assert uv_there[0] == pytest.approx(0.1, rel=1e-6)
 
 
 def test_weights_over_a_ratio_of_a_million():
@@ -233,11 +233,11 @@ def test_scanline_fills_whole_polygons():
 
 
 def test_threads_and_crops_change_nothing():
-    whole = pictures.picture(still_life(), samples=4).channels["rgba"]
+    complete = pictures.picture(still_life(), samples=4).channels["rgba"]
     for threads in (2, 5):
-        assert np.array_equal(pictures.picture(still_life(), samples=4, threads=threads).channels["rgba"], whole)
+        assert np.array_equal(pictures.picture(still_life(), samples=4, threads=threads).channels["rgba"], complete)
     cropped = pictures.picture(still_life(), samples=4, crop=(13, 22, 71, 90)).channels["rgba"]
-    assert np.array_equal(cropped, whole[22:90, 13:71])
+    assert np.array_equal(cropped, complete[22:90, 13:71])
 
 
 def test_textures_are_the_right_way_up():
@@ -278,8 +278,8 @@ def test_like_instances_share_a_tessellation():
     for k in range(50):
         builder.instance(InstanceData(ball, builder.transform(tables.matrix((k - 25, 0, -100))), material))
     builder.camera(CameraData(0, 1.0))
-    scene, made, view = pictures.planned(builder.finish().tables, "raster")
-    tessellations = prepare.prepare(scene, made, view).tessellations
+    scene, decided, view = pictures.planned(builder.finish().tables, "raster")
+    tessellations = prepare.prepare(scene, decided, view).tessellations
     assert len(tessellations) == 50
     assert len({id(s) for s in tessellations.values()}) <= 2
 
@@ -288,8 +288,8 @@ def test_like_instances_share_a_tessellation():
 def test_shapes_shaded_at_vertices_become_meshes_in_every_backend():
     scene = still_life(shading=ir.Shading.GOURAUD)
     for backend in ("raster", "ray", "reference"):
-        given, made, view = pictures.planned(scene, backend)
-        ready = prepare.prepare(given, made, view)
+        planned, decided, view = pictures.planned(scene, backend)
+        ready = prepare.prepare(planned, decided, view)
         kinds = ready.tables.geometries.kind[ready.tables.instances.geometry]
         assert kinds.tolist() == [K.PLANE, K.MESH, K.MESH, K.CONE, K.MESH]
     a, b = (pictures.picture(scene, backend).channels["rgba"] for backend in ("raster", "ray"))
@@ -301,9 +301,9 @@ def test_materials_the_rasterizer_simplifies_are_noted():
 
     materials = [lambert((1.0, 1.0, 1.0)), MaterialData(ir.MaterialModel.GLASS), MaterialData(ir.MaterialModel.MIRROR)]
     scene = tables.scene([(K.SPHERE, [1.0], np.eye(4), k) for k in (0, 1, 2, 1)], materials=materials)
-    given, made, _ = pictures.planned(scene, "raster")
+    planned, decided, _ = pictures.planned(scene, "raster")
     rows = scene.instances.material
-    assert raster.notes(given, made) == [
+    assert raster.notes(planned, decided) == [
         ("raster draws glass without refraction: the sky and the ground's mean light show", "materials", rows[1]),
         ("raster draws mirrors without reflected objects: the sky and the ground's mean light show", "materials", rows[2]),
     ]

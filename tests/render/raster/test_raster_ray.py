@@ -113,9 +113,9 @@ def interior(*maps: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_raster_sees_what_rays_see(name):
-    made = SCENES[name]()
+    tables = SCENES[name]()
     names = ("depth", "normal", "position", "uv", "id")
-    ours, theirs = (pictures.picture(made, backend, size=SIZE, aov=names).channels for backend in ("raster", "ray"))
+    ours, theirs = (pictures.picture(tables, backend, size=SIZE, aov=names).channels for backend in ("raster", "ray"))
     ids = theirs["id"][..., 0]
     assert len(np.unique(ids)) > 1 or name == "from inside"
     assert (ours["id"] != theirs["id"]).any(axis=2).mean() < 0.003  # outlines: within 0.05 pixel
@@ -138,9 +138,9 @@ def test_raster_sees_what_rays_see(name):
 @pytest.mark.long
 def test_antialiased_pictures_agree():
     """Sixteen samples at fixed positions under a filter are closer to many random samples than sixteen random ones."""
-    made = SCENES["spheres and a plane"]()
+    tables = SCENES["spheres and a plane"]()
     drawn = {
-        name: pictures.picture(made, backend, size=SIZE, samples=samples).channels["rgba"]
+        name: pictures.picture(tables, backend, size=SIZE, samples=samples).channels["rgba"]
         for name, backend, samples in (("ours", "raster", 16), ("rays", "ray", 16), ("many", "ray", 256))
     }
     ours, rays = (np.abs(drawn[name] - drawn["many"]).max(axis=2) for name in ("ours", "rays"))

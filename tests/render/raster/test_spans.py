@@ -64,14 +64,16 @@ def test_flat_faces_are_lit_by_the_equations(model, reach, perspective, samples)
     outward = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     tilted = unit(outward + 0.3 * unit(np.random.default_rng(8).normal(size=outward.shape)))
     tilted[4:8] *= -1.0  # to the other side of their faces
-    given = [None if k < 4 else MeshAttribute(np.repeat(tilted[k : k + 1], 3, axis=0)) for k in range(12)]
-    meshes = [(mesh(t, [[0, 1, 2]], normals=n), matrix(), 0) for t, n in zip(corners, given, strict=True)]
+    corner_normals = [None if k < 4 else MeshAttribute(np.repeat(tilted[k : k + 1], 3, axis=0)) for k in range(12)]
+    meshes = [(mesh(t, [[0, 1, 2]], normals=n), matrix(), 0) for t, n in zip(corners, corner_normals, strict=True)]
     lamps = [LightData(ir.LightKind.DIRECTIONAL, color, direction=direction, shadows=False) for direction, color in LAMPS]
     lamps.append(LightData(ir.LightKind.AMBIENT, (AMBIENT, AMBIENT, AMBIENT)))
     camera = CameraData(0, 0.3 if perspective else 0.9, ir.Projection.PERSPECTIVE if perspective else ir.Projection.ORTHOGRAPHIC)
-    made = scene(meshes=meshes, materials=[phong(DIFFUSE, SPECULAR, SHININESS, model, normalized=normalized)], lights=lamps, camera=camera)
-    ids = pictures.aov(made, "id", size=SIZE)[..., 0].astype(int)
-    colors = pictures.picture(made, size=SIZE, samples=samples, filter="box").channels["rgba"][..., :3]
+    tables = scene(
+        meshes=meshes, materials=[phong(DIFFUSE, SPECULAR, SHININESS, model, normalized=normalized)], lights=lamps, camera=camera
+    )
+    ids = pictures.aov(tables, "id", size=SIZE)[..., 0].astype(int)
+    colors = pictures.picture(tables, size=SIZE, samples=samples, filter="box").channels["rgba"][..., :3]
 
     normals = np.where((np.arange(12) < 4)[:, None], outward, tilted)
     middle = np.mean(corners, axis=1)

@@ -79,11 +79,11 @@ def test_the_two_numbers_of_a_pair_are_independent_over_pixels():
 def test_the_second_sobol_dimension_by_its_direction_numbers():
     """The product with Pascal's triangle modulo 2, against the direction numbers v₁ = ½, vₖ₊₁ = vₖ xor vₖ/2 (Sobol 1967)."""
     for index in (0, 1, 2, 3, 5, 100, 2**20 + 77, 2**32 - 1):
-        expected, v, left = 0, 1 << 31, index
-        while left:
-            if left & 1:
+        expected, v, digits = 0, 1 << 31, index
+        while digits:
+            if digits & 1:
                 expected ^= v
-            left >>= 1
+            digits >>= 1
             v ^= v >> 1
         assert int(sobol.sobol_second(np.uint64(index))) == expected
 

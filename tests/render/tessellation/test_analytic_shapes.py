@@ -134,9 +134,9 @@ def test_normals_and_coordinates_are_the_shape_s(name):
     assert angle[~pole].max() < 2e-3
     uvs = mesh.uvs[mesh.triangles].reshape(-1, 2)
     assert abs(v - uvs[:, 1])[~pole].max() < 2e-3
-    whole = kind == K.QUADRIC  # wraps on purpose: u + 1 beyond its seam
+    wraps = kind == K.QUADRIC  # wraps on purpose: u + 1 beyond its seam
     off = abs(u - uvs[:, 0])
-    assert (np.minimum(off, abs(off - 1)) if whole else off)[~pole].max() < 2e-3
+    assert (np.minimum(off, abs(off - 1)) if wraps else off)[~pole].max() < 2e-3
 
 
 @pytest.mark.parametrize("name", CLOSED)

@@ -20,10 +20,10 @@ def summed(checker: bool, x: Array, y: Array, p: tuple[float, float], q: tuple[f
 
 
 def mean(checker: bool, x: Array, y: Array, p: tuple[float, float], q: tuple[float, float]) -> Array:
-    one = np.ones(x.shape, x.dtype)
-    found = checker_filter.mean_share(np.full(x.shape, checker), x, y, (p[0] * one, p[1] * one, q[0] * one, q[1] * one))
-    assert ((found >= 0) & (found <= 1)).all()
-    return found
+    ones = np.ones(x.shape, x.dtype)
+    share = checker_filter.mean_share(np.full(x.shape, checker), x, y, (p[0] * ones, p[1] * ones, q[0] * ones, q[1] * ones))
+    assert ((share >= 0) & (share <= 1)).all()
+    return share
 
 
 def places(seed: int, kind: type = np.float64) -> tuple[Array, Array]:

@@ -38,11 +38,11 @@ def at(texture, u, v, metric=(1.0, 1.0), picture=PICTURE):
     """A texture's color (n, 3) at surface coordinates."""
     u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
     u, v = np.atleast_1d(u), np.atleast_1d(v)
-    one = np.ones(u.shape)
-    zero = (0 * one, 0 * one, 0 * one)
+    ones = np.ones(u.shape)
+    zero = (0 * ones, 0 * ones, 0 * ones)
     none = np.zeros(u.shape, int)
-    lengths = (metric[0] * one, metric[1] * one)
-    point = Surface(zero, zero, zero, zero, zero, (u, v), lengths, one > 0, none, none, zero, 0 * one)
+    lengths = (metric[0] * ones, metric[1] * ones)
+    point = Surface(zero, zero, zero, zero, zero, (u, v), lengths, ones > 0, none, none, zero, 0 * ones)
     with np.errstate(all="ignore"):
         return np.stack(np.broadcast_arrays(*textures.value(scene(texture, picture), none, point)), axis=-1)
 
@@ -52,8 +52,8 @@ def seen(texture, origin, direction, shape, picture=PICTURE):
     tables = scene(texture, picture, shape)
     ray = make.rays(origin, direction)
     with np.errstate(all="ignore"):
-        found = interaction.make_interaction(tables, ray, make.first_hit(tables, ray), True)
-        return np.stack(np.broadcast_arrays(*textures.value(tables, np.zeros(len(ray.t_min), int), found)), axis=-1)
+        surface = interaction.make_interaction(tables, ray, make.first_hit(tables, ray), True)
+        return np.stack(np.broadcast_arrays(*textures.value(tables, np.zeros(len(ray.t_min), int), surface)), axis=-1)
 
 
 def test_texels_lie_with_v_upward_and_row_0_at_the_top():
@@ -142,16 +142,16 @@ def test_cells_are_half_open_and_go_on_below_zero():
 def test_size_is_in_metres_along_the_surface():
     """0.5 m cells on a surface where u spans 2 m and v spans 1 m: borders at u = 0.25 and v = 0.5."""
     texture = TextureData(CHECKER, color_a=make.grey(1.0), color_b=make.grey(0.0), size=0.5)
-    found = at(texture, [0.2, 0.3, 0.2, 0.3], [0.4, 0.4, 0.6, 0.6], metric=(2.0, 1.0))[:, 0]
-    assert np.array_equal(found, [1, 0, 0, 1])
+    values = at(texture, [0.2, 0.3, 0.2, 0.3], [0.4, 0.4, 0.6, 0.6], metric=(2.0, 1.0))[:, 0]
+    assert np.array_equal(values, [1, 0, 0, 1])
 
 
 def test_a_checker_on_a_plane_by_its_size():
     texture = TextureData(CHECKER, color_a=make.grey(1.0), color_b=make.grey(0.0), size=0.25)
     x = np.linspace(-3, 3, 40) + 1e-4
     origin = np.stack([x, 0 * x + 1, 0 * x - 0.1], axis=1)
-    found = seen(texture, origin, (0, -1, 0), (K.PLANE, ()))[:, 0]
-    assert np.array_equal(found, (np.floor(x / 0.25) % 2 == 0) * 1.0)
+    values = seen(texture, origin, (0, -1, 0), (K.PLANE, ()))[:, 0]
+    assert np.array_equal(values, (np.floor(x / 0.25) % 2 == 0) * 1.0)
 
 
 # --- mappings ---
@@ -163,12 +163,12 @@ def test_latlong_and_the_courses_projection():
     ramp[..., 1] = (63.5 - np.arange(64))[:, None] / 64
     p = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.3, 0.5, math.sqrt(1 - 0.34)], [-0.5, -0.5, math.sqrt(0.5)]])
     x, y, z = p.T
-    found = seen(TextureData(IMAGE, image=0, mapping=M.LATLONG), 3 * p, -p, (K.SPHERE, (1.0,)), ramp)
-    assert found[:, 0] == pytest.approx(0.5 + np.arctan2(x, z) / (2 * math.pi), abs=1e-6)
-    assert found[:, 1] == pytest.approx(0.5 + np.arcsin(y) / math.pi, abs=1e-6)
+    colors = seen(TextureData(IMAGE, image=0, mapping=M.LATLONG), 3 * p, -p, (K.SPHERE, (1.0,)), ramp)
+    assert colors[:, 0] == pytest.approx(0.5 + np.arctan2(x, z) / (2 * math.pi), abs=1e-6)
+    assert colors[:, 1] == pytest.approx(0.5 + np.arcsin(y) / math.pi, abs=1e-6)
     inside = p[2:3] * 2  # u = x/|p|, v = y/|p| whatever the distance
-    found = seen(TextureData(IMAGE, image=0, mapping=M.PROJECTED), 2 * inside, -inside, (K.SPHERE, (2.0,)), ramp)
-    assert found[0, :2] == pytest.approx([0.3, 0.5], abs=1e-6)
+    colors = seen(TextureData(IMAGE, image=0, mapping=M.PROJECTED), 2 * inside, -inside, (K.SPHERE, (2.0,)), ramp)
+    assert colors[0, :2] == pytest.approx([0.3, 0.5], abs=1e-6)
 
 
 FACES = {"-x": (-1, 0, 0), "+x": (1, 0, 0), "-y": (0, -1, 0), "+y": (0, 1, 0), "-z": (0, 0, -1), "+z": (0, 0, 1)}
@@ -185,8 +185,8 @@ def test_box_mapping_shows_the_picture_upright_on_each_side(face):
     ramp[..., 0] = (np.arange(32) + 0.5) / 32
     ramp[..., 1] = (31.5 - np.arange(32))[:, None] / 32
     spot = (n + 0.5 * right + 0.25 * up) * half
-    found = seen(TextureData(IMAGE, image=0, mapping=M.BOX), spot + n, -n, (K.BOX, tuple(half)), ramp)
-    assert found[0, :2] == pytest.approx([0.75, 0.625], abs=1e-6)
+    color = seen(TextureData(IMAGE, image=0, mapping=M.BOX), spot + n, -n, (K.BOX, tuple(half)), ramp)
+    assert color[0, :2] == pytest.approx([0.75, 0.625], abs=1e-6)
 
 
 def test_neighbors_on_the_net_are_neighbors_on_the_box():
@@ -208,10 +208,10 @@ def test_neighbors_on_the_net_are_neighbors_on_the_box():
     assert on("+y", (0, 1, 0)) == pytest.approx([1.5, 2.5], abs=1e-5)
     assert on("-y", (0, -1, 0)) == pytest.approx([1.5, 0.5], abs=1e-5)
     e, t = 1 - 1e-7, 0.3
-    for one, other, p in (
+    for side, neighbor, p in (
         ("+z", "+x", (e, t, e)), ("+x", "-z", (e, t, -e)), ("-x", "+z", (-e, t, e)), ("+y", "+z", (t, e, e)), ("-y", "+z", (t, -e, e)),
     ):  # fmt: skip
-        assert on(one, p) == pytest.approx(on(other, p), abs=1e-5), (one, other)
+        assert on(side, p) == pytest.approx(on(neighbor, p), abs=1e-5), (side, neighbor)
 
 
 def test_kernels_and_numpy_look_up_the_same():
@@ -231,7 +231,7 @@ def test_kernels_and_numpy_look_up_the_same():
     tables = make.scene([(*kind, make.matrix((3 * k, 0, 0), make.turn(1, 0.4)), k) for k, kind in enumerate(kinds)], prepare=prepare)
     x = np.linspace(-1.2, 13.2, 150)
     ray = make.rays(np.stack([x, 0.2 * np.sin(9 * x) + 0.3, 0 * x + 5], axis=1), (0.02, -0.05, -1))
-    one, _ = make.radiance(tables, ray)
-    other, _ = make.radiance_in_kernel(tables, ray)
-    assert one.max() > 0.1
-    assert np.abs(one - other).max() < 1e-12
+    expected, _ = make.radiance(tables, ray)
+    compiled, _ = make.radiance_in_kernel(tables, ray)
+    assert expected.max() > 0.1
+    assert np.abs(expected - compiled).max() < 1e-12

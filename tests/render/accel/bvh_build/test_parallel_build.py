@@ -35,19 +35,19 @@ def test_no_collapse_of_the_same_binary_bvh_costs_less(n: int) -> None:
     corners = np.random.default_rng(n).uniform(-1, 1, (n, 1, 3)) + np.random.default_rng(n + 1).uniform(-0.1, 0.1, (n, 3, 3))
     mesh = mesh_of(corners)
     tree = grown(mesh).tree
-    known: dict[tuple[int, int], float] = {}
+    costs: dict[tuple[int, int], float] = {}
 
     def least(node: int, children: int) -> float:
         """Cost of a node with up to a number of slots."""
-        if (node, children) not in known:
+        if (node, children) not in costs:
             alone, second = wide_collapse.TEST * area(tree.boxes[node]), tree.second[node]
             if children > 1:
                 ways = [least(node, children - 1), *(shared(node, p, children - p) for p in range(1, children) if second)]
             else:
                 ways = [area(tree.boxes[node]) + own(node)] if second else [alone]
                 ways += [alone] if tree.count[node] <= wide_collapse.WIDTH and node else []
-            known[node, children] = min(ways)
-        return known[node, children]
+            costs[node, children] = min(ways)
+        return costs[node, children]
 
     def shared(node: int, first: int, second: int) -> float:
         half = tree.second[node]
@@ -56,11 +56,11 @@ def test_no_collapse_of_the_same_binary_bvh_costs_less(n: int) -> None:
     def own(node: int) -> float:
         return min(shared(node, p, wide_collapse.WIDTH - p) for p in range(1, wide_collapse.WIDTH))
 
-    made = wide_bvh.build(*mesh)
-    planes = made.nodes.reshape(-1, 3, 2, wide_collapse.WIDTH).astype(float)
+    wide = wide_bvh.build(*mesh)
+    planes = wide.nodes.reshape(-1, 3, 2, wide_collapse.WIDTH).astype(float)
     x, y, z = np.moveaxis(planes[:, :, 1] - planes[:, :, 0], 1, 0)
-    areas = np.where(made.links > wide_bvh.EMPTY, x * y + y * z + z * x, 0.0)
-    cost = areas[made.links >= 0].sum() + wide_collapse.TEST * areas[made.links < 0].sum()
+    areas = np.where(wide.links > wide_bvh.EMPTY, x * y + y * z + z * x, 0.0)
+    cost = areas[wide.links >= 0].sum() + wide_collapse.TEST * areas[wide.links < 0].sum()
     np.testing.assert_allclose(cost, own(0) if tree.second[0] else least(0, 1), rtol=1e-4)
 
 
@@ -69,14 +69,14 @@ def test_parts_are_complete_and_contiguous() -> None:
     growth = grown(Mesh(sheet.positions.astype(np.float32), sheet.triangles.astype(np.int32)), 3)
     count, nodes, leaves = growth.sizes
     parts, tasks = growth.parts[:count], growth.tasks[: growth.counters[parallel_build.MADE]]
-    own = tasks[tasks[:, parallel_build.BELOW] == 0]
-    assert count == len(own) + 1  # and what is above them
-    assert growth.tree.count[own[:, parallel_build.NODE]].max() <= parallel_build.PART
-    assert growth.tree.count[own[:, parallel_build.NODE]].sum() == len(sheet.triangles)
+    leaf_tasks = tasks[tasks[:, parallel_build.BELOW] == 0]
+    assert count == len(leaf_tasks) + 1  # and what is above them
+    assert growth.tree.count[leaf_tasks[:, parallel_build.NODE]].max() <= parallel_build.PART
+    assert growth.tree.count[leaf_tasks[:, parallel_build.NODE]].sum() == len(sheet.triangles)
     assert np.all(np.diff(parts[:, 0]) > 0)
-    own = own[np.argsort(own[:, parallel_build.NODE])]
-    np.testing.assert_array_equal(np.diff([*parts[1:, 1], nodes]), own[:, parallel_build.NODES])
-    np.testing.assert_array_equal(np.diff([*parts[1:, 2], leaves]), own[:, parallel_build.LEAVES])
+    leaf_tasks = leaf_tasks[np.argsort(leaf_tasks[:, parallel_build.NODE])]
+    np.testing.assert_array_equal(np.diff([*parts[1:, 1], nodes]), leaf_tasks[:, parallel_build.NODES])
+    np.testing.assert_array_equal(np.diff([*parts[1:, 2], leaves]), leaf_tasks[:, parallel_build.LEAVES])
     numbers = growth.tree.items.view(np.int32)[:, binned_sah.NUMBER] & ~binned_sah.TAG
     np.testing.assert_array_equal(np.sort(numbers), np.arange(len(sheet.triangles)))
 

@@ -49,8 +49,8 @@ def test_boxes_enclose_their_subtrees(seed):
             inner = moved[triangles[tree.rows[~link][tree.rows[~link] >= 0]]].reshape(-1, 3)
             low, high = inner.min(axis=0), inner.max(axis=0)
         else:
-            there = tree.links[link] > EMPTY
-            low, high = planes[link, :, 0, there].min(axis=0), planes[link, :, 1, there].max(axis=0)
+            used = tree.links[link] > EMPTY
+            low, high = planes[link, :, 0, used].min(axis=0), planes[link, :, 1, used].max(axis=0)
         assert (planes[node, :, 0, i] <= low).all()
         assert (planes[node, :, 1, i] >= high).all()
 
@@ -79,7 +79,7 @@ def test_a_bad_refit_is_rebuilt():
     shuffled = np.random.default_rng(6).permutation(positions).astype(np.float32)  # every triangle now goes across everything
     refitted, built = refit.refit(first, shuffled, triangles), wide_bvh.build(shuffled, triangles)
     assert refit.cost(refitted) > refit.MAX_COST_RATIO * refit.cost(first)
-    found = tree_cache.cached_mesh_bvh(shuffled, triangles)
-    for a, b in zip(found, built, strict=True):
+    cached = tree_cache.cached_mesh_bvh(shuffled, triangles)
+    for a, b in zip(cached, built, strict=True):
         np.testing.assert_array_equal(a, b)
-    assert tree_cache.cached_mesh_bvh(shuffled, triangles) is found
+    assert tree_cache.cached_mesh_bvh(shuffled, triangles) is cached

@@ -17,23 +17,23 @@ K = ir.GeometryKind
 MANY = 400
 
 
-def placed(rng: np.random.Generator, at: float, scale: float, side: float) -> np.ndarray:
+def placed(rng: np.random.Generator, offset: float, scale: float, side: float) -> np.ndarray:
     """Random transforms in a cube of 8 · scale around (at, -at, at / 2), for instances of size `scale`."""
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    middle = scale * rng.uniform(-4, 4, 3) + np.array([at, -at, 0.5 * at])
+    middle = scale * rng.uniform(-4, 4, 3) + np.array([offset, -offset, 0.5 * offset])
     return np.hstack([scale * side * turn, middle[:, None]])
 
 
-def crowd(at: float = 0.0, scale: float = 1.0, side: float = 0.3) -> ir.Tables:
+def crowd(offset: float = 0.0, scale: float = 1.0, side: float = 0.3) -> ir.Tables:
     rng = np.random.default_rng(5)
-    places = [placed(rng, at, scale, side) for _ in range(MANY)]
+    places = [placed(rng, offset, scale, side) for _ in range(MANY)]
     spheres = [(K.SPHERE, [1.0], place, 0) for place in places[::2]]
     return scene(spheres, meshes=[(wavy(2, k), place, 0) for k, place in enumerate(places[1::2])])
 
 
-def moved(ray: Ray, at: float, scale: float, back: float = 0.0) -> Ray:
+def moved(ray: Ray, offset: float, scale: float, back: float = 0.0) -> Ray:
     """Rays among what `crowd` makes; `back`: how far before, in sizes of the scene."""
-    middle = np.array([at, -at, 0.5 * at])
+    middle = np.array([offset, -offset, 0.5 * offset])
     origin = tuple(scale * (o - back * d) + m for o, d, m in zip(ray.origin, ray.direction, middle, strict=True))
     return ray._replace(origin=origin)
 
@@ -41,8 +41,8 @@ def moved(ray: Ray, at: float, scale: float, back: float = 0.0) -> Ray:
 def same(tables: ir.Tables, ray: Ray) -> tuple[np.ndarray, ...]:
     """Hits of rays, after BVH and brute force agreed bit for bit."""
     expected = trace_kernels(tables, ray, brute=True)
-    for found, wanted in zip(trace_kernels(tables, ray), expected, strict=True):
-        np.testing.assert_array_equal(found, wanted)
+    for column, expected_column in zip(trace_kernels(tables, ray), expected, strict=True):
+        np.testing.assert_array_equal(column, expected_column)
     return expected
 
 
@@ -54,11 +54,11 @@ def big_enough(tables: ir.Tables) -> None:
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6, 1e12])
 @pytest.mark.parametrize("away", [0.0, 1e3, 1e7])
 def test_hits_match_brute_force_at_any_scale_and_place(scale: float, away: float) -> None:
-    at = away * scale
-    tables = crowd(at, scale)
+    offset = away * scale
+    tables = crowd(offset, scale)
     big_enough(tables)
     for ray in (random_rays(1500, 1), coherent_rays(1500, 2, spread=0.3)):
-        _, instance, *_ = same(tables, moved(ray, at, scale))
+        _, instance, *_ = same(tables, moved(ray, offset, scale))
         assert np.mean(instance >= 0) > 0.1
 
 

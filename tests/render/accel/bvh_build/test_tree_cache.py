@@ -34,9 +34,9 @@ def files(folder: Path) -> list[Path]:
 
 
 def assert_equal(a: wide_bvh.Wide, b: wide_bvh.Wide) -> None:
-    for one, other in zip(a, b, strict=True):
-        np.testing.assert_array_equal(one, other)
-        assert one.dtype == other.dtype
+    for first, second in zip(a, b, strict=True):
+        np.testing.assert_array_equal(first, second)
+        assert first.dtype == second.dtype
 
 
 def test_memory_and_disk_return_what_was_built(tmp_path: Path) -> None:
@@ -71,16 +71,16 @@ def test_damaged_files_are_rebuilt(tmp_path: Path, damage: str) -> None:
     positions, triangles = mesh(20)
     built = tree_cache.cached_mesh_bvh(positions, triangles)
     (file,) = files(tmp_path)
-    whole = file.read_bytes()
+    content = file.read_bytes()
     file.unlink()
     if damage == "a folder":
         file.mkdir()
     else:
-        file.write_bytes({"empty": b"", "short": whole[:-4], "long": whole + b"0000", "foreign": b"x" * len(whole)}[damage])
+        file.write_bytes({"empty": b"", "short": content[:-4], "long": content + b"0000", "foreign": b"x" * len(content)}[damage])
     tree_cache.clear()
     assert_equal(tree_cache.cached_mesh_bvh(positions, triangles), built)
     if damage != "a folder":
-        assert file.read_bytes() == whole
+        assert file.read_bytes() == content
 
 
 def test_an_unwritable_folder_is_no_error(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ LAMPS = {
         "directional(from: [1, 2, -1])\nsun(from: [2, 1, 2], illuminance: 2, angle: 3deg)\npoint([-1, 1.2, 0.4], intensity: 3)"
     ),
 }
-THINGS = {
+OBJECTS = {
     "heart": "implicit(|x, y, z| (x^2 + 2.25 * z^2 + y^2 - 1)^3 <= x^2 * y^3 + 0.1125 * z^2 * y^3, within: 1.5)",
     "torus": "implicit(|x, y, z| (hypot(x, z) - 0.7)^2 + y^2 + 0 * x^4 <= 0.09, within: 1.5)",
     "sheet": "implicit(|x, y, z| y == 0.3 * sin(6 * x) * cos(5 * z), within: 0.8)",
@@ -41,11 +41,11 @@ def drawn(tmp_path, text: str, samples: int = 1) -> image.Image:
 
 
 @pytest.mark.parametrize("lamps", LAMPS)
-@pytest.mark.parametrize("thing", THINGS)
-def test_packets_give_the_shadows_of_single_rays(tmp_path, monkeypatch, thing, lamps):
-    text = VIEW + LAMPS[lamps] + "\n" + THINGS[thing]
+@pytest.mark.parametrize("objects", OBJECTS)
+def test_packets_give_the_shadows_of_single_rays(tmp_path, monkeypatch, objects, lamps):
+    text = VIEW + LAMPS[lamps] + "\n" + OBJECTS[objects]
     by_bundles = drawn(tmp_path, text, 2).channels["rgba"]
-    monkeypatch.setattr(prepare.shadow_rays, "select_lights", lambda *of: [])
+    monkeypatch.setattr(prepare.shadow_rays, "select_lights", lambda *arguments: [])
     one_by_one = drawn(tmp_path, text, 2).channels["rgba"]
     assert int((np.abs(by_bundles - one_by_one).max(axis=2) > 1e-6).sum()) <= 2  # where rays graze what they leave
 
@@ -55,10 +55,10 @@ def test_selected_lights(tmp_path):
     soft = "ambient(#222222)\nsun(from: [2, 1, 2], illuminance: 2, angle: 3deg)\nsky(luminance: 1)\n"
     sharp = "point([1, 2, 0], intensity: 1, shadows: false)\npoint([1, 2, 0], intensity: 1)\ndirectional(from: [1, 2, -1])\n"
     for text, shadows, expected in (
-        (soft + sharp + THINGS["heart"], True, [4, 5]),
-        (soft + sharp + THINGS["heart"], False, []),
+        (soft + sharp + OBJECTS["heart"], True, [4, 5]),
+        (soft + sharp + OBJECTS["heart"], False, []),
         (soft + sharp + "sphere(1)", True, []),
-        (soft + THINGS["heart"], True, []),
+        (soft + OBJECTS["heart"], True, []),
     ):
         path = tmp_path / "lamps.scene"
         path.write_text(VIEW + text, encoding="utf-8")
@@ -71,19 +71,19 @@ def test_selected_lights(tmp_path):
 def test_hidden_bits_of_a_light(tmp_path):
     """Some points are hidden, some lit, and points that face away have no result."""
     path = tmp_path / "bits.scene"
-    path.write_text(VIEW + LAMPS["sun"] + "\n" + THINGS["sheet"], encoding="utf-8")
+    path.write_text(VIEW + LAMPS["sun"] + "\n" + OBJECTS["sheet"], encoding="utf-8")
     scene = load.load(path)
     plan = planner.make_plan(scene, ir.Settings(size=(64, 64), samples=1, threads=1, backend="ray"))
     renderer = render_scene.choose_renderer(scene, plan, types.View(0, 64, 64))
     memory, pixels = renderer.packets.memory(), np.ones((64, 64), np.int64)
     film = types.Film(np.zeros((64, 64, 3)), np.zeros((64, 64)), np.zeros((64, 64), np.int64))
     ray_packets.draw_tile(renderer.packets.scene, types.Tile(0, 0, 64, 64), 0 * pixels, pixels, 1, film, memory)
-    found = memory.tables.hits
-    met, (light,) = found.instance >= 0, renderer.prepared.packet_lights
-    asked, hidden = (found.hidden >> 2 * light) & 1 != 0, (found.hidden >> 2 * light) & 2 != 0
-    assert 100 < hidden.sum() < asked.sum() < met.sum()
-    assert not (hidden & ~asked).any()
-    assert not (asked & ~met).any()
+    hits = memory.tables.hits
+    is_hit, (light,) = hits.instance >= 0, renderer.prepared.packet_lights
+    tested, hidden = (hits.hidden >> 2 * light) & 1 != 0, (hits.hidden >> 2 * light) & 2 != 0
+    assert 100 < hidden.sum() < tested.sum() < is_hit.sum()
+    assert not (hidden & ~tested).any()
+    assert not (tested & ~is_hit).any()
 
 
 @pytest.mark.parametrize("lamps", [False, True])

@@ -15,16 +15,16 @@ COUNT = instance_extent.MIN_ROTATED + 8
 @pytest.fixture(scope="module")
 def knots():
     """A mesh far from its origin, with rotated, sheared and mirrored transforms."""
-    made = meshes.knot(200, 40)
+    knot = meshes.knot(200, 40)
     rng = np.random.default_rng(3)
     places = np.concatenate([rng.normal(size=(COUNT, 3, 3)), rng.normal(size=(COUNT, 3, 1)) * 100.0], axis=2)
     places[0, :, :3] = np.diag([2.0, -3.0, 0.5])  # its box is tight as it is
-    return made, places
+    return knot, places
 
 
-def boxes_of(made, places):
+def boxes_of(knot, places):
     """(world bounds, tight bounds, vertices in the world (instances, vertices, 3))."""
-    tables = meshes.scene(made, places).tables
+    tables = meshes.scene(knot, places).tables
     loose = world_bounds(tables)
     tree, roots, _ = scene_bvh.mesh_bvhs(tables, np.unique(tables.instances.geometry))
     close = loose.copy()
@@ -48,14 +48,14 @@ def test_tight_bounds_hold_all_vertices_and_little_more(knots) -> None:
 
 
 def test_few_instances_keep_world_bounds(knots) -> None:
-    made, places = knots
-    loose, close, _ = boxes_of(made, places[:5])
+    knot, places = knots
+    loose, close, _ = boxes_of(knot, places[:5])
     assert np.array_equal(loose, close)
 
 
 def test_hits_in_tight_bounds_match_brute_force(knots) -> None:
-    made, places = knots
-    tables = meshes.scene(made, places).tables
+    knot, places = knots
+    tables = meshes.scene(knot, places).tables
     rng = np.random.default_rng(8)
     origin, aim = rng.normal(size=(512, 3)) * 300.0, places[rng.integers(0, COUNT, 512), :, 3]
     with_tree = ray_queries.closest(ray_queries.build(tables, keep=False), origin, aim - origin)

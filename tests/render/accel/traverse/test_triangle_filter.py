@@ -43,5 +43,5 @@ def test_rays_that_leave_a_surface_match_brute_force(shape, place, spread):
     tables = scene(meshes=[(mesh(positions, triangles), place, 0)])
     n = len(o)
     ray = Ray(tuple(o.T), tuple(d.T), np.zeros(n), np.full(n, np.inf), None)
-    met = same(tables, ray)[0]
-    assert 0.1 * n < np.isfinite(met).sum()
+    distances = same(tables, ray)[0]
+    assert 0.1 * n < np.isfinite(distances).sum()

@@ -176,7 +176,7 @@ def surface_at(
     white = (zero + 1.0, zero + 1.0, zero + 1.0)
     point = Surface(
         position, position, facing, shaded, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, ops.maximum(instance, 0),
-        ops.to_int(of_material), white, size * (interaction.ROUNDING * ops.roundoff(zero)), time, None, lift, None,
+        ops.to_int(of_material), white, size * (interaction.ROUNDING * ops.roundoff(zero)), time, None, lift, None, None,
     )  # fmt: skip
     others = here & ops.not_(plain)
     if ops.any_lane(others):
@@ -186,6 +186,6 @@ def surface_at(
             ops.where3(others, full.position, position), full.local, ops.where3(others, full.geometric, facing),
             ops.where3(others, full.normal, shaded), full.local_normal, full.uv, full.metric, ops.where(others, full.front, front),
             point.instance, ops.where(others, full.material, point.material), ops.where3(others, full.color, white),
-            ops.where(others, full.offset, point.offset), time, None, ops.where3(others, full.lift, lift), None,
+            ops.where(others, full.offset, point.offset), time, None, ops.where3(others, full.lift, lift), None, None,
         )  # fmt: skip
     return point, hit

@@ -204,8 +204,9 @@ def uniform_shader(tables, i):
     """The shader of an instance, as scalars; meaningless for textured instances."""
     none = (0.0, 0.0, 0.0)
     surface = Surface(
-        none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None, None
-    )
+        none, none, none, none, none, None, (1.0, 1.0), True, i, tables.instances.material[i], (1.0, 1.0, 1.0), 0.0, None, None, None,
+        None, None,
+    )  # fmt: skip
     return crosslane.narrow(evaluate_shader(tables, surface))
 
 
@@ -234,7 +235,7 @@ def textured_surface(shading: Any, colored: Any, i: int, k: int) -> Surface:
         color = get3(points, k, VERTEX_COLOR)
     spread = (get1(points, k, SPREAD), get1(points, k, SPREAD + 1), get1(points, k, SPREAD + 2), get1(points, k, SPREAD + 3))
     uv, front, material = get2(points, k, UV), get1(points, k, FACING) > 0.0, tables.instances.material[i]
-    point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None, None, None)
+    point = Surface(position, local, normal, normal, outward, uv, metric, front, i, material, color, zero, None, None, None, None, None)
     return replace_spread(point, texture_footprint.of_pixel(tables, spread, point))
 
 

@@ -94,7 +94,7 @@ def _interaction(tables: Tables, ray: Ray, hit: Hit, here: instance_transform.Fr
         lift = _transform_linear(matrix, _mesh_lift(tables, g, point.hit, rounded, point.local, point.corners, point.outward, side))
     return Surface(
         point.world, point.local, ops.scale(geometric, side), ops.scale(shaded, side), point.outward, uv, metric,
-        front, instance, material, point.color, origin_offset(here, ray, t, geometric, point.error), ray.time, None, lift, None,
+        front, instance, material, point.color, origin_offset(here, ray, t, geometric, point.error), ray.time, None, lift, None, None,
     )  # fmt: skip
 
 

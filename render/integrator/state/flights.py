@@ -101,7 +101,7 @@ def _place(event: Event, point: Surface, path: PathState) -> Surface:
         ops.where3(scattered, event.position, point.position), point.local, ops.where3(scattered, none, point.geometric),
         ops.where3(scattered, ops.negate(path.direction), point.normal), point.local_normal, point.uv, point.metric, point.front,
         point.instance, point.material, point.color, ops.where(scattered, 0.0, point.offset), point.time, point.spread, point.lift,
-        point.known,
+        point.known, point.tangent,
     )  # fmt: skip
 
 

@@ -15,6 +15,9 @@ from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, P
 
 MODEL = ir.MaterialModel.GLASS
 DARKEST = 1e-6  # least component of a colour inside glass: 0 has infinite absorption
+KHRONOS = 20.0  # over the Abbe number: the measure of dispersion of KHR_materials_dispersion and OpenPBR
+LINES = 0.4861327, 0.5875618, 0.6562725  # µm: F, d and C, by which the Abbe number is defined
+VIOLET, RED = 0.40, 0.70  # µm: the ends of POV-Ray's spectrum
 DEPTH = 0.1  # metres, that the colour inside refers to by default
 
 
@@ -23,6 +26,7 @@ def _lower(arguments: Arguments) -> MaterialData:
     inputs[ir.Slot.ROUGHNESS] = arguments.number("roughness")
     inputs[ir.Slot.PRIORITY] = Input.number(arguments.args["priority"])
     inputs[ir.Slot.ABSORPTION] = Input(_absorption(arguments))
+    inputs[ir.Slot.DISPERSION] = Input.number(arguments.args["dispersion"])
     return MaterialData(MODEL, inputs)
 
 
@@ -47,6 +51,10 @@ ELEMENTS = (
                 Arg("color", "color_map", (1.0, 1.0, 1.0), "its transmittance"),
                 Arg("ior", "number_map", 1.5, "index of refraction", above=0.0, keyword=True),
                 roughness(0.0),
+                Arg(
+                    "dispersion", "number", 0.0, "20 over the Abbe number: crown glass 0.31, diamond 0.36, flint glass 0.56; 0: none",
+                    minimum=0.0, maximum=4.0, keyword=True,
+                ),
                 Arg("inside", "color", None, "transmittance of the length `depth` inside of it (Beer-Lambert law)", keyword=True),
                 Arg("depth", "length", None, "length that `inside` refers to; default 10 cm", above=0.0, keyword=True),
                 Arg("priority", "number", 0.0, "where glasses overlap, the one of the highest priority counts", minimum=0.0, keyword=True),
@@ -57,11 +65,24 @@ ELEMENTS = (
     ),
 )
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.GLASS, ir.Slot.TRANSMISSION, None, False
-SLOTS = (ir.Slot.TRANSMISSION, ir.Slot.IOR, ir.Slot.ROUGHNESS, ir.Slot.ABSORPTION, ir.Slot.PRIORITY)
+SLOTS = (ir.Slot.TRANSMISSION, ir.Slot.IOR, ir.Slot.ROUGHNESS, ir.Slot.ABSORPTION, ir.Slot.PRIORITY, ir.Slot.DISPERSION)
 LOBE = facets = None
 
 
+def slope(dispersion: Any) -> Any:
+    """The change of n over n − 1 by 1 / λ², µm², of glass whose Abbe number is 20 over `dispersion`."""
+    short, _, long = LINES
+    return dispersion / KHRONOS / (short**-2 - long**-2)
+
+
+def index_at(ior: float, dispersion: float, wave: float) -> float:
+    """The index at a wavelength in µm, by Cauchy's equation with two terms; `ior` is that at the line d."""
+    return ior + (ior - 1.0) * slope(dispersion) * (wave**-2 - LINES[1] ** -2)
+
+
 def surface(row: SurfaceRow) -> Exported:
+    if row.value(ir.Slot.DISPERSION)[0] > 0:
+        row.cannot(losses.DISPERSION)
     exported = row.surface(row.input(ir.Slot.TRANSMISSION), NOTHING, row.input(ir.Slot.ROUGHNESS), row.ior)
     return Exported(exported, 1.0, as_color(row.value(ir.Slot.ABSORPTION)))
 
@@ -72,6 +93,8 @@ def mitsuba(row: MitsubaRow) -> Any:
         row.cannot(losses.texture(ir.Slot.IOR))
     if row.value(ir.Slot.ABSORPTION).max() > 0:
         row.cannot(losses.ABSORPTION)
+    if row.value(ir.Slot.DISPERSION)[0] > 0:
+        row.cannot(losses.DISPERSION)
     color, ior = row.color("specular_transmittance", ir.Slot.TRANSMISSION), float(row.value(ir.Slot.IOR)[0])
     if row.value(ir.Slot.ROUGHNESS)[0] > 0:
         return row.bsdf("roughdielectric", row.alpha(), color, distribution="ggx", int_ior=ior, ext_ior=1.0)
@@ -89,4 +112,8 @@ def povray(row: PovrayRow) -> Finish:
     if row.value(ir.Slot.ABSORPTION).max() > 0:
         row.cannot(losses.ABSORPTION)
     words = "ambient 0 diffuse 0 reflection { rgb 0, rgb 1 fresnel on } conserve_energy"
-    return Finish(ir.Slot.TRANSMISSION, words, f"ior {row.numeral(float(row.value(ir.Slot.IOR)[0]))}", filters=True)
+    ior, dispersion = float(row.value(ir.Slot.IOR)[0]), float(row.value(ir.Slot.DISPERSION)[0])
+    interior = f"ior {row.numeral(ior)}"
+    if dispersion > 0.0:  # POV-Ray asks for the index of violet light over that of red light
+        interior += f" dispersion {row.numeral(index_at(ior, dispersion, VIOLET) / index_at(ior, dispersion, RED))}"
+    return Finish(ir.Slot.TRANSMISSION, words, interior, filters=True)

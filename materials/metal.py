@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from ..compiler.scene import metals
 from ..compiler.scene.metallic_roughness import ALL, GLASS
 from ..compiler.scene.row_records import Input, MaterialData, multiply_colors
 from ..lang.schema.argument_types import REQUIRED, Arg, Entry
@@ -15,6 +14,7 @@ from . import losses, openpbr
 from .arguments import SHADING, SURFACE, roughness
 from .contract import F64, Arguments, Element, Exported, FacetInputs, Facets, Finish, Lane, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 from .lanes import black, clipped, helper, ops
+from .optics import metals
 from .thresholds import LOWEST
 
 MODEL = ir.MaterialModel.METAL

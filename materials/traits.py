@@ -185,6 +185,16 @@ def rough_glass(tables: ir.Tables) -> np.ndarray:
     return has(tables, Lobes.GLASS) & _may_exceed(tables, Slot.ROUGHNESS)
 
 
+def dispersive(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: glass whose index depends on the wavelength."""
+    return has(tables, Lobes.GLASS) & (tables.materials.values[:, Slot.DISPERSION, 0] > 0.0)
+
+
+def disperses(tables: ir.Tables) -> bool:
+    """Whether light is split into its wavelengths by glass of this scene."""
+    return bool((dispersive(tables) & used(tables)).any())
+
+
 def mirrors(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: mirrors, and materials with k_r."""
     return has(tables, Lobes.MIRROR) | _positive(tables, Slot.REFLECTION)

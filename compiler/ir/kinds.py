@@ -112,6 +112,7 @@ class Slot(Kind):
     SUBSURFACE_WEIGHT = 41  # number: share of the opaque dielectric that light scatters in
     SUBSURFACE_COLOR = 42  # colour
     THIN_WALLED = 43  # number, 0 or 1; no texture
+    DISPERSION = 44  # number: 20 over the Abbe number of glass; 0: one index for all wavelengths; no texture
 
 
 SLOTS = len(Slot)

@@ -40,6 +40,8 @@ def clauses(scene: ir.Scene, plan: Plan) -> tuple[str, ...]:
         texts.append("reflections of other objects are left out")
     if diffuse and not plan["interreflection"] and not alone:
         texts.append("light that diffuse surfaces send on is left out")
+    if plan["transport"] != "path" and traits.disperses(tables):
+        texts.append("the dispersion of glass is left out")
     if plan["transport.caustics"] == "none":
         texts.append("caustics are left out")
     return tuple(texts)

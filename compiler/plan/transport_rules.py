@@ -66,6 +66,8 @@ def _interreflection(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Deci
     diffuse = traits.diffuse(scene.tables)
     if traits.participates(scene.tables) and plan["backend"] != "raster":
         return Decision("interreflection", True, "light scatters inside of media")
+    if traits.disperses(scene.tables) and plan["backend"] != "raster" and plan["bounces"] > 0:
+        return Decision("interreflection", True, "glass disperses light: each path has one wavelength")
     if plan["enclosed_bounces"]:
         return Decision("interreflection", True, "the camera stands in an enclosed space: diffuse surfaces light each other")
     if settings.bounces and plan["bounces"] > 0 and diffuse.any():
@@ -86,6 +88,8 @@ def _monte_carlo(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision
         why.append("area lights")
     if traits.participates(scene.tables) and plan["backend"] != "raster":
         why.append("media")
+    if traits.disperses(scene.tables) and plan["backend"] != "raster" and plan["bounces"] > 0:
+        why.append("dispersion")
     if plan["interreflection"]:
         why.append("interreflection")
     if (traits.glossy(scene.tables) & used).any():

@@ -109,7 +109,8 @@ def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: Vie
         source = without_media.substitute(scene.tables, plan["bounces"] > 0)
     transparent = light_shapes.let_through(source, bool(plan["shadows.light_shapes"]))
     around = camera_media.around(source, view.camera)
-    tables = principled.tables_for(vertex_meshes.replace_vertex_shaded(transparent, tessellator), general, around)
+    flat = vertex_meshes.replace_vertex_shaded(transparent, tessellator)
+    tables = principled.tables_for(flat, general, around, plan["transport"] == "path")
     tables = graphs.with_lookups(tables)
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures

@@ -13,7 +13,7 @@ import numpy as np
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..light import lights, links
-from ..material import bsdf, medium_stack
+from ..material import bsdf, dispersion, medium_stack
 from ..material.bsdf import Scattered
 from ..material.shader import ONLY, evaluate_shader_filtered
 from ..simd.registration import overload
@@ -68,14 +68,16 @@ def shade_vertex(
     zero = 0.0 * path.density
     uses, depth = inputs.uses, index.depth
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
-    path = PathState(
-        path.origin, path.direction, faded, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
-        path.body, path.leaving,
-    )  # fmt: skip
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
     point = tangent_frame.attach(tables, point, hit)
     surfaces = flights.surfaces(event, here)
-    shader = evaluate_shader_filtered(tables, point, uses, path.inside)
+    component = dispersion.of_sample(dispersion.of(tables), None, index.pixel, index.sample, index.seed)
+    shader = evaluate_shader_filtered(tables, point, uses, path.inside, component)
+    weight, divided = dispersion.divide_before(component, (faded, path.divided), tables, point, shader, surfaces)
+    path = PathState(
+        path.origin, path.direction, weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
+        path.body, path.leaving, divided,
+    )  # fmt: skip
     ahead = photon_volume.wall(photon_volume.of(inputs.photons), None, tables, path, point, hit.t)
     point = flights.place(event, point, path)
     viewer, sent = ops.negate(path.direction), (zero, zero, zero)
@@ -100,7 +102,8 @@ def shade_vertex(
     if len(inputs.emitters.kind) > 0:
         connection = sample_direct(tables, inputs, options.links, shading, path, here, last, lit, ending, direct)
     scattered = _scatter(shading, uses, path, index)
-    weight = ops.mul(path.weight, scattered.weight)
+    weight, divided = ops.mul(path.weight, scattered.weight), path.divided
+    weight, divided = dispersion.divide_after(component, (weight, divided), tables, point, scattered.direction, surfaces)
     if uses.open_sky:
         soft = here & ops.not_(lit) & (scattered.density < ONLY)
         seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
@@ -112,7 +115,7 @@ def shade_vertex(
         going = going & (scattered.density < ONLY)
     if depth >= END_FROM:
         weight, going = _survive(event, weight, going, index)
-    onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe)
+    onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe, divided)
     onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
     return sent, connection, onward, going, Vertex(shading, scattered, gathered)
 
@@ -163,7 +166,7 @@ def _add_local(
 @helper
 def _continue(
     tables: Tables, inputs: PathInputs, linked: Any, path: PathState, shading: ShadingContext, lit: Lane, scattered: Scattered, weight: Vec,
-    lobe: Lane,
+    lobe: Lane, divided: Any,
 ) -> PathState:  # fmt: skip
     """The state of a path after a BSDF sample."""
     point, shader = shading.point, shading.shader
@@ -183,7 +186,7 @@ def _continue(
     return PathState(
         origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader, shading.event), bits,
         flights.at_start(shading.event, None, density), body,
-        photon_volume.leaving(photon_volume.of(inputs.photons), None, point, scattered.direction, path.inside, inside),
+        photon_volume.leaving(photon_volume.of(inputs.photons), None, point, scattered.direction, path.inside, inside), divided,
     )  # fmt: skip
 
 

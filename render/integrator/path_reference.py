@@ -12,7 +12,7 @@ from ..accel import intersect
 from ..jit.kernel import specialize_either
 from ..lanes import ops
 from ..light import light_tree, links
-from ..material import medium_stack
+from ..material import dispersion, medium_stack
 from ..material.shader import ONLY
 from ..medium import emitting_cells, free_flight, tracking
 from ..surface import alpha as surface_alpha
@@ -39,6 +39,7 @@ def radiance(
     one: Any = zero + 1.0
     path: Any = PathState(origin, direction, (one, one, one), zero + ONLY, active, medium_stack.initial_stack(tables, zero), zero)
     path = path._replace(facing=light_tree.facing(inputs.emitters.tree.below, path.direction, active))
+    path = path._replace(divided=dispersion.undivided(dispersion.of(tables), None, zero))
     path = path._replace(links=links.bits_of_eye(options.links, None, zero))
     media = medium_stack.scattering(tables)
     if media is not None:

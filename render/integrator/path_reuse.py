@@ -87,7 +87,7 @@ def _share_vertex(
         simd.store(shared.rows, RATIO * ROW + i, sampled)
         return PathState(
             onward.origin, onward.direction, one, onward.density, onward.straight, onward.inside, onward.phase, onward.facing, onward.links,
-            onward.near, onward.body, onward.leaving,
+            onward.near, onward.body, onward.leaving, onward.divided,
         )  # fmt: skip
     here = here & ops.not_(normal_map.has_map(tables, point))
     lit = ops.maximum(ops.dot(point.normal, connection.direction), 0.0)

@@ -45,6 +45,7 @@ class WaveMemory(NamedTuple):
     shadow_inside: Any  # (ROW,) int: medium stacks of shadow rays, in scenes with scattering media
     body: Any  # (2 · 4 · ROW,) float: bodies of the rays, in scenes with bodies of varying colour
     shadow_body: Any  # (4 · ROW,) float: bodies of shadow rays, likewise
+    divided: Any  # (2 · ROW,) float: 1 where paths have a wavelength, see PathState
     shared: Any  # path_reuse.Shared or path_reuse.Alone
 
     @classmethod
@@ -61,7 +62,7 @@ class WaveMemory(NamedTuple):
             row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole),
             row(ESTIMATE, kind), row(1, whole), row(1, np.int64),
             row(4, kind), row(6, whole), row(2, kind), row(2, kind), row(2, whole), row(2 * 3, kind),
-            row(2, whole), row(1, whole), row(1, whole), row(2 * 4, kind), row(4, kind),
+            row(2, whole), row(1, whole), row(1, whole), row(2 * 4, kind), row(4, kind), row(2, kind),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -115,6 +116,12 @@ def _load_leaving(volume: Any, plain: Any, memory: Any, at: int, depth: int) -> 
     return 0.0 * cosine + FAR if depth == 0 else cosine
 
 
+@helper
+def _load_divided(table: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
+    divided = simd.load(memory.divided, at)
+    return 0.0 * divided if depth == 0 else divided
+
+
 def load_facing(below: Any, memory: Any, at: int) -> Any:
     raise NotImplementedError
 
@@ -142,6 +149,8 @@ load_near = specialize_if_present(_load_near)
 """(scattering media, plain, memory, at): where rays begin; `plain` in scenes without such media."""
 load_leaving = specialize_if_present(_load_leaving)
 """(volume maps, None, memory, at, depth): the cosines at the boundaries where rays entered media; FAR for camera rays."""
+load_divided = specialize_if_present(_load_divided)
+"""(dispersion.Dispersion, None, memory, at, depth): 1 where paths have a wavelength; None in scenes without dispersion."""
 load_links = specialize_if_present(_load_links)
 """(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
 load_medium = specialize_if_present(_load_medium)

@@ -16,7 +16,7 @@ from ..accel import intersect, primitive_hits
 from ..jit.kernel import helper, kernel, noinline_helper, specialize_either, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, store3
-from ..material import medium_stack
+from ..material import dispersion, medium_stack
 from ..material.shader import ONLY
 from ..sampling import sobol
 from ..sampling.pixel_groups import CELL, GROUP, SIDE, cell_extent, place_of
@@ -40,6 +40,7 @@ from .wave_memory import (
     STATE,
     STRAIGHT,
     load_body,
+    load_divided,
     load_facing,
     load_leaving,
     load_links,
@@ -288,6 +289,7 @@ def _load_path(scene: Any, options: Any, memory: Any, source: int, i: int, depth
         load_near(medium_stack.scattering(tables), None, memory, source * ROW + i),
         load_body(medium_stack.initial_body(tables, density), None, memory.body, source * 4 * ROW + i, depth),
         load_leaving(photon_volume.of(scene.light.photons), None, memory, source * ROW + i, depth),
+        load_divided(dispersion.of(tables), None, memory, source * ROW + i, depth),
     )  # fmt: skip
 
 
@@ -306,6 +308,7 @@ def _push_path(memory: Any, target: int, kept: int, onward: PathState, item: Any
     store_optional(onward.near, None, memory.near, at, going)
     store_body(onward.body, None, memory.body, target * 4 * ROW + kept, going)
     store_optional(onward.leaving, None, memory.leaving, at, going)
+    store_optional(onward.divided, None, memory.divided, at, going)
     store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + kept, going)
 
 

@@ -25,6 +25,7 @@ from ..medium import bodies, scattering_table
 from ..simd.registration import overload
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
+from . import dispersion
 
 IOR, ABSORPTION, PRIORITY = int(ir.Slot.IOR), int(ir.Slot.ABSORPTION), int(ir.Slot.PRIORITY)
 AMBIENT, RADIUS = int(ir.Slot.AMBIENT), int(ir.Slot.RADIUS)
@@ -199,7 +200,7 @@ def push(inside: Lane, number: Lane) -> Lane:
 
 
 @helper
-def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
+def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface, component: Any) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     if len(table.index) == 1:
         return plain
@@ -207,7 +208,7 @@ def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> 
     rest = remove(inside, number)
     outer = ops.where(point.front, top(inside), top(rest))
     real = number > outer
-    beside = plain / table.index[outer]
+    beside = plain / dispersion.index_of_medium(component, table.index[outer], tables, outer)
     return ops.where(number > 0, ops.where(real, beside, 1.0), plain)
 
 
@@ -262,7 +263,7 @@ def _enter_body(body: Any, plain: Any, tables: Tables, point: Surface, inside: L
 enter_body = specialize_if_present(_enter_body)
 """(body of a ray, None, tables, point, stack of the ray that leaves it, its direction) → body: that of the point where it enters one."""
 # Each takes the stack of a ray, the result in scenes without media, and:
-relative_ior = specialize_if_present(_relative_ior)  # (tables, point) → relative index at a boundary of index `plain`
+relative_ior = specialize_if_present(_relative_ior)  # (tables, point, dispersion.Component) → relative index at a boundary of index `plain`
 is_ignored = specialize_if_present(_is_ignored)  # (tables, point) → whether a boundary is ignored
 cross_boundary = specialize_if_present(_cross_boundary)  # (tables, point, direction) → stack of a ray that leaves a surface
 attenuate = specialize_if_present(_attenuate)  # (tables, distance) → `plain` attenuated over a distance in metres

@@ -19,7 +19,7 @@ from ..simd.registration import overload
 from ..surface import blend, model_tests, normal_map
 from ..surface.material_inputs import color_of, number_of
 from ..types import Surface, Tables
-from . import added_lobes, body_coat, energy_compensation, medium_stack, microfacet, openpbr, rough_dielectric, sheen
+from . import added_lobes, body_coat, dispersion, energy_compensation, medium_stack, microfacet, openpbr, rough_dielectric, sheen
 from .microfacet import Lobes
 
 DIFFUSE, SPECULAR, IOR = int(ir.Slot.DIFFUSE), int(ir.Slot.SPECULAR), int(ir.Slot.IOR)
@@ -50,28 +50,31 @@ class Layered(NamedTuple):
     added: Any  # added_lobes.Added or NotAdded
     coats: Any  # body_coat.Coats or NoCoats
     slabs: Any  # openpbr.SlabTables or NoSlabs
+    dispersion: Any  # dispersion.Dispersion or NoDispersion
 
 
 class Smooth(NamedTuple):
     """No material has microfacets."""
 
 
-def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()) -> ir.Tables:
+def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = (), paths: bool = False) -> ir.Tables:
     """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend.
 
     With `general`, every part is there: those that the scene does not use are empty. `around` are the materials around the camera.
+    Glass disperses light for `paths` alone.
     """
+    media = medium_stack.media(tables, general, around)
     facets = bool(((traits.facets(tables) | traits.coated(tables)) & traits.used(tables)).any())
     parts = (
         energy_compensation.table() if facets else energy_compensation.unused_table() if general else Smooth(),
         sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
-        rough_dielectric.tables_of(tables, general), medium_stack.media(tables, general, around), blend.find_blends(tables, general),
+        rough_dielectric.tables_of(tables, general), media, blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general), body_coat.tables_of(tables, general),
-        openpbr.tables_of(tables),
+        openpbr.tables_of(tables), dispersion.tables_of(tables, media) if paths else dispersion.NoDispersion(),
     )  # fmt: skip
     absent = (
         Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded,
-        body_coat.NoCoats, openpbr.NoSlabs,
+        body_coat.NoCoats, openpbr.NoSlabs, dispersion.NoDispersion,
     )  # fmt: skip
     if all(isinstance(part, absent) for part in parts):
         return tables

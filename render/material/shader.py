@@ -11,7 +11,7 @@ from ..light import lights
 from ..surface import model_tests
 from ..surface.material_inputs import color_of
 from ..types import Lane, Surface, Tables, Vec
-from . import added_lobes, body_coat, medium_stack, microfacet, openpbr, principled, rough_dielectric
+from . import added_lobes, body_coat, dispersion, medium_stack, microfacet, openpbr, principled, rough_dielectric
 from .slabs import Slabs
 
 AMBIENT = int(ir.Slot.AMBIENT)
@@ -67,12 +67,15 @@ def evaluate_shader(tables: Tables, surface: Surface) -> Shader:
 @helper
 def evaluate_shader_inside(tables: Tables, surface: Surface, inside: Any) -> Shader:
     """Evaluate the material of a surface, for a ray with a medium stack."""
-    return evaluate_shader_filtered(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside)
+    return evaluate_shader_filtered(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside, None)
 
 
 @helper
-def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, inside: Any) -> Shader:
-    """Evaluate the material of a surface in a scene that uses some features; parameters of the others are 0."""
+def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, inside: Any, component: Any) -> Shader:
+    """Evaluate the material of a surface in a scene that uses some features; parameters of the others are 0.
+
+    `component` is the wavelength of a path, a dispersion.Component, or None.
+    """
     zero = ops.full_like(surface.offset, 0.0)
     no = ops.bool_like(zero, False)
     black = (zero, zero, zero)
@@ -93,7 +96,8 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
         transmission = color_of(tables, surface, TRANSMISSION)
         ior = zero + ops.maximum(color_of(tables, surface, IOR)[0], 1e-3)
         glass = no | model_tests.is_glass(tables.materials.model[surface.material])
-        ior = medium_stack.relative_ior(inside, ior, tables, surface)
+        ior = dispersion.index(component, ior, tables, surface)
+        ior = medium_stack.relative_ior(inside, ior, tables, surface, component)
         hidden = medium_stack.is_ignored(inside, no, tables, surface)
         transmission = ops.where3(hidden, (zero + 1.0, zero + 1.0, zero + 1.0), transmission)
         added = added_lobes.without(added, None, hidden)

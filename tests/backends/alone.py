@@ -84,6 +84,7 @@ SLOTS: dict[IntEnum, str] = {  # each with an image where it takes one
     ir.Slot.SHEEN_ROUGHNESS: f"principled(0.5, sheen: 0.5, sheen_roughness: {_IMAGE})",
     ir.Slot.DIFFUSE_TRANSMISSION: f"translucent(0.2, transmission: {_IMAGE})",
     ir.Slot.RADIUS: f"subsurface(0.5, radius: 0.1, scale: {_IMAGE})",
+    ir.Slot.DISPERSION: "glass(dispersion: 0.5)",
 }
 TEXTURES: dict[IntEnum, str] = {
     ir.TextureKind.IMAGE: _IMAGE,

@@ -24,7 +24,7 @@ from ...jit.packed_struct import Handle
 from ...lanes import crosslane, ops
 from ...lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
 from ...light import lights
-from ...material import bsdf, medium_stack, rough_dielectric
+from ...material import bsdf, dispersion, medium_stack, rough_dielectric
 from ...material.bsdf import Scattered
 from ...material.shader import ONLY, Shader, evaluate_shader_filtered
 from ...medium.tracking import Key
@@ -53,6 +53,7 @@ SPACE = 4  # stored photons of each that is emitted, on average, for which memor
 PART, BEND = 1 << 19, 1 << 20  # dimensions of random numbers
 WELL_SPREAD = 6  # pairs of numbers that are Sobol points; surfaces take two each
 BENT, SPREAD, THROWN = 1, 2, 4  # flags: after a specular surface; then a glossy one; after a polished metal, and no diffuse surface yet
+DIVIDED = 8  # flag: has a wavelength
 LARGEST = 16.0  # greatest factor of a photon's weight by interpolated normals
 
 
@@ -248,12 +249,15 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
         vertices = flights.vertices(event, hits)
         point = normal_map.apply_maps(tables, _part(tables, point, number, index, depth, seed), hit, path.direction)
         point = tangent_frame.attach(tables, point, hit)
-        shader = evaluate_shader_filtered(tables, point, light.uses, path.inside)
+        component = dispersion.of_sample(dispersion.of(tables), None, number, index, seed)
+        shader = evaluate_shader_filtered(tables, point, light.uses, path.inside, component)
+        divided = dispersion.marked(dispersion.of(tables), None, (path.phase & DIVIDED) != 0)
+        power, divided = dispersion.divide_before(component, (power, divided), tables, point, shader, flights.surfaces(event, vertices))
         point = flights.place(event, point, path)
         record = _landing(shader, point, flights.surfaces(event, vertices), path.phase, power)
         kept = _store(stored, kept, record, path.direction, origin)
         kept = _store_collisions(event, kept, stored, tables, path, power, share, key, origin)
-        onward, going = _scatter(tables, light, event, path, (point, shader), vertices, (before, power), key)
+        onward, going = _scatter(tables, light, event, path, (point, shader), vertices, (before, power), key, (component, divided))
         onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
         if ops.any_lane(going):
             _push_photon(memory, 1 - source, going_on, onward, number, index, going)
@@ -299,9 +303,10 @@ def _landing(shader: Shader, point: Surface, surfaces: Lane, flags: Lane, power:
 
 @helper
 def _scatter(
-    tables: Tables, light: Any, event: Any, path: PathState, at: tuple[Surface, Shader], vertices: Lane, powers: tuple[Vec, Vec], key: Key
+    tables: Tables, light: Any, event: Any, path: PathState, at: tuple[Surface, Shader], vertices: Lane, powers: tuple[Vec, Vec], key: Key,
+    wavelength: Any,
 ) -> tuple[PathState, Lane]:  # fmt: skip
-    """(photons that leave a vertex, whether they go on); `powers` are those before and after the flight to it."""
+    """(photons that leave a vertex, whether they go on); `powers` are those before and after the flight, `wavelength` chosen."""
     (point, shader), (before, power) = at, powers
     number, index, depth, seed = key.pixel, key.sample, key.depth, key.seed
     direction, flags = path.direction, path.phase
@@ -328,7 +333,9 @@ def _scatter(
     thrown = ops.not_(bent) & (thrown | metal)
     bent = bent | ops.not_(thrown)
     weight = ops.mul(power, ops.scale(weight, 1.0 / ops.maximum(chance, lights.TINY)))
+    weight, divided = dispersion.divide_after(wavelength[0], (weight, wavelength[1]), tables, point, to, flights.surfaces(event, vertices))
     flags = ops.where(bent, BENT, 0) | ops.where(spread, SPREAD, 0) | ops.where(thrown, THROWN, 0)
+    flags = dispersion.mark(divided, flags, DIVIDED)
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, to)
     body = medium_stack.enter_body(path.body, None, tables, point, inside, to)
     origin = interaction.offset_origin(point, to)

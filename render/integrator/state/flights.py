@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ...jit.kernel import helper, specialize_if_present
 from ...lanes import ops
-from ...material import medium_stack
+from ...material import dispersion, medium_stack
 from ...material.bsdf import Scattered
 from ...medium import bodies, free_flight, phase, phase_table, tracking
 from ...types import Lane, Surface, Tables, Vec
@@ -57,7 +57,7 @@ def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, 
 def _weighted(flown: Flown, path: PathState) -> PathState:
     return PathState(
         path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
-        path.body, path.leaving,
+        path.body, path.leaving, path.divided,
     )  # fmt: skip
 
 
@@ -175,6 +175,7 @@ def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, 
         ops.where(passes, path.phase, onward.phase), choose_facing(path.facing, onward.facing, passes),
         choose_links(path.links, onward.links, passes), ops.where(passes, behind(point, path.direction, t), onward.near),
         bodies.choose(path.body, onward.body, passes), _leave(onward.leaving, None, point, path, inside, passes),
+        dispersion.keep(onward.divided, None, path.divided, passes),
     )  # fmt: skip
     return passed, plain[1] | (passes & (ops.largest(path.weight) > 0.0))
 

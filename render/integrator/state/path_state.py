@@ -47,6 +47,7 @@ class PathState(NamedTuple):
     near: Any = None  # distance at which it begins, behind an invisible boundary; None in scenes without scattering media
     body: Any = None  # colour, and factor of the radius, where it entered a body; None in scenes without bodies of varying colour
     leaving: Any = None  # cosine at the boundary of the medium where it began, see photon_volume; None without photons in media
+    divided: Any = None  # 1 where it has a wavelength, else 0, see material/dispersion.py; None in scenes without dispersion
 
 
 class PathSample(NamedTuple):

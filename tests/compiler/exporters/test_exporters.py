@@ -17,8 +17,8 @@ from maquette.compiler.exporters.mitsuba import scene as mitsuba_scene
 from maquette.compiler.exporters.povray import scene as povray_scene
 from maquette.compiler.exporters.povray import shapes as povray_shapes
 from maquette.compiler.mesh import shells
-from maquette.compiler.scene import metals
 from maquette.materials import metal
+from maquette.materials.optics import metals
 from maquette.measure.peers import registry
 from maquette.render.tessellation import scene_meshes
 

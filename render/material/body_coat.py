@@ -90,7 +90,7 @@ def _at(tables: Tables, surface: Surface, inside: Any) -> Coat:
 def _passes(coat: Coat, out: microfacet.Albedos, all_: microfacet.Layers, normal: Vec, to_light: Vec) -> Lane:
     """The factor of light that passes the boundary diffusely, by the side of the viewer."""
     outside = ops.clip(-ops.dot(normal, to_light), LEAST, 1.0)
-    leaves = microfacet.directional_albedo(coat.lobes, outside, all_.bounced).highlight[0]
+    leaves = microfacet.directional_albedo(coat.lobes, outside).highlight[0]
     return ops.where(coat.front, 1.0 - out.highlight[0], (1.0 - leaves) / ops.maximum(all_.open[0], LEAST))
 
 

@@ -3,11 +3,12 @@
 E(μ, α) = ∫ f cos dω of a GGX highlight with reflectance 1 (Smith's height-correlated shadowing) at cosine μ. B(μ, α) is the same integral
 weighted by Schlick's (1 − cos)⁵, so that a highlight with Schlick's approximation reflects f0 (E − B) + f90 B: the split sum (Karis 2013,
 Real Shading in Unreal Engine 4). Both are integrated over visible normals (Dupuy and Benyoub 2023, Sampling Visible GGX Normals with
-Spherical Caps), which takes about 150 ms, once a process and only in scenes with such materials.
+Spherical Caps), which takes about 0.3 s, once a process and only in scenes with such materials.
 
-Light of further bounces leaves in a GGX lobe of its own (`spread_alpha`), with reflectance h(μₒ) h(μᵢ) instead of Fresnel's. The table of
-h solves ∫ f h(μₒ) h(μᵢ) cos dω = 1 − E(μₒ, α) for every μₒ, by symmetric scaling (Sinkhorn and Knopp 1967, Concerning Nonnegative
-Matrices and Doubly Stochastic Matrices). So the lobe returns what one bounce loses, in either direction of light, and is reciprocal.
+Light of further bounces leaves in a GGX lobe of its own (`spread_alpha`), with h(μₒ) h(μᵢ) k instead of Fresnel's reflectance. The factor
+k is fitted to random walks (module further_bounces). The table of h solves ∫ f h(μₒ) h(μᵢ) k cos dω = 1 − E(μₒ, α) for every μₒ, by
+symmetric scaling (Sinkhorn and Knopp 1967, Concerning Nonnegative Matrices and Doubly Stochastic Matrices). So the lobe returns what one
+bounce loses, in either direction of light, and is reciprocal.
 
 Energy must not increase. So E and B are upper bounds (`raised`), and their means lower bounds of the tables' means: the tabulated loss is
 below the true one, and compensation returns at most that. It costs 0.03 % of the light.
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from ..jit.kernel import helper
 from ..lanes import ops, row_gather
 from ..types import Lane
+from . import further_bounces as further
 
 COLUMNS = 64  # of directions
 ROWS = 48  # of roughness, by its root √√α
@@ -31,7 +33,8 @@ FIRST = 0.1  # root of the first row: α 10⁻⁴
 MISSED = 1.5e-4  # greatest error of E or B by quadrature and linear interpolation
 SPREAD = 1.15  # root of the roughness α of the lobe of further bounces over the root of the facets': nearest to random walks
 SCALINGS = 40  # iterations for h
-SCALED = 2e-3, 0.025  # greatest relative excess of the lobe of further bounces by linear interpolation; more of polished facets
+GREY = 0.3  # reflectance of facets for which the mean Schlick term is exact
+SCALED = 2e-3, 0.05  # greatest relative excess of the lobe of further bounces by linear interpolation; more of polished facets
 ROUNDED = 5e-5  # greatest excess of a mean by linear interpolation between rows
 
 F64 = NDArray[np.float64]
@@ -43,6 +46,8 @@ class Albedo(NamedTuple):
     each: F64  # (ROWS · COLUMNS, 4) E and B − (1 − μ)⁵ E of a column, and of the next
     mean: F64  # (ROWS, 4) cosine-weighted means of E and B, standard deviation of B, 0
     again: F64  # (ROWS · COLUMNS, 4) h of a column and of the next, in this row and in the next
+    after: F64  # (ROWS · COLUMNS, 4) s and c of the light of further bounces of a column, and of the next; see further_bounces.colour
+    pairs: F64  # further_bounces.table
 
 
 @helper
@@ -79,9 +84,22 @@ def spread_alpha(alpha: Lane) -> Lane:
 
 
 @helper
-def escape(alpha: Lane) -> Lane:
-    """Return the mean chance that light leaves the facets after its second or a later bounce; fitted to random walks within 0.01."""
-    return 0.957 - alpha * (0.27 + 0.1 * alpha)
+def after_two(table: Albedo, cosine: Lane, alpha: Lane) -> tuple[Lane, Lane]:
+    """(s, c) of all light of further bounces at a cosine from 0 to 1: see further_bounces.colour."""
+    row, part = row_of(alpha, ROWS)
+    column = column_of(cosine, alpha) * (COLUMNS - 1.0)
+    left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(left)
+    s, c, s_next, c_next = row_gather.four_at(table.after, row * COLUMNS + left)
+    s_below, c_below, s_last, c_last = row_gather.four_at(table.after, (row + 1) * COLUMNS + left)
+    s = ops.lerp(ops.lerp(s, s_next, x), ops.lerp(s_below, s_last, x), part)
+    return s, ops.lerp(ops.lerp(c, c_next, x), ops.lerp(c_below, c_last, x), part)
+
+
+@helper
+def mean_after_two(alpha: Lane) -> tuple[Lane, Lane]:
+    """(s, c) of all light of further bounces from all directions, weighted by the cosine: fitted, lower bounds."""
+    return 0.3 - alpha * (1.034 - alpha * (1.336 - 0.586 * alpha)), 0.98 - alpha * (0.423 + 0.023 * alpha)
 
 
 @helper
@@ -123,7 +141,8 @@ def table() -> Albedo:
     nodes, weights = _legendre(64)
     mu = np.broadcast_to(0.5 * (nodes + 1.0), (ROWS, 64))
     rows = np.repeat(alpha, 64)
-    made = Albedo(np.ascontiguousarray(each), np.zeros((ROWS, 4)), _scaling(alpha, cosine, np.maximum(1.0 - e, 0.0)))
+    again, after = _scaling(alpha, cosine, np.maximum(1.0 - e, 0.0))
+    made = Albedo(np.ascontiguousarray(each), np.zeros((ROWS, 4)), again, after, further.table())
     at_nodes = [x.reshape(ROWS, 64) for x in directional_albedo(made, mu.ravel(), rows)]
     mean_e, mean_b, mean_b2 = ((x * mu) @ weights for x in (*at_nodes, at_nodes[1] ** 2))
     deviation = np.sqrt(np.maximum(mean_b2 - mean_b**2, 0.0))
@@ -133,28 +152,39 @@ def table() -> Albedo:
 
 def unused_table() -> Albedo:
     """A table of zeros, for kernels of scenes without microfacets."""
-    return Albedo(np.zeros((ROWS * COLUMNS, 4)), np.zeros((ROWS, 4)), np.zeros((ROWS * COLUMNS, 4)))
+    empty = np.zeros((ROWS * COLUMNS, 4))
+    return Albedo(empty, np.zeros((ROWS, 4)), empty, empty, np.zeros((further.ROWS * further.COLUMNS**2, further.NUMBERS)))
 
 
-def _scaling(alpha: F64, cosine: F64, lost: F64) -> F64:
-    """Return (ROWS · COLUMNS, 4) `Albedo.again`."""
-    sent = np.zeros((ROWS, COLUMNS, COLUMNS))  # what the lobe sends from a column to each
+def _scaling(alpha: F64, cosine: F64, lost: F64) -> tuple[F64, F64]:
+    """Return (ROWS · COLUMNS, 4) `Albedo.again` and `Albedo.after`."""
+    sent = np.zeros((3, ROWS, COLUMNS, COLUMNS))  # what the lobe sends from a column to each; times the reflectance of grey facets; times c
+    pairs = further.table()
     for row in range(ROWS):
-        lit, _, out = over_visible_normals(cosine[row], np.full(COLUMNS, spread_alpha(alpha[row])), 16, 12)
-        place = np.asarray(column_of(np.minimum(out, 1.0), alpha[row])) * (COLUMNS - 1.0)
-        left = np.minimum(place.astype(np.int64), COLUMNS - 2)
+        wide = spread_alpha(alpha[row])
+        lit, away, out = over_visible_normals(cosine[row], np.full(COLUMNS, wide), 12, 8)
+        into = np.asarray(column_of(np.minimum(out, 1.0), alpha[row]))
+        up = np.minimum((0.5 * (out + cosine[row][:, None, None]) / np.maximum(1.0 - away, 1e-12)) ** 2, 1.0)
+        y = wide * wide * up / (1.0 - up + wide * wide * up)
+        factor, s, v, c = further.of_row(pairs, np.linspace(0.0, 1.0, COLUMNS)[:, None, None], into, float(alpha[row]), y)
+        left = np.minimum((into * (COLUMNS - 1.0)).astype(np.int64), COLUMNS - 2)
+        part = into * (COLUMNS - 1.0) - left
         first = np.arange(COLUMNS)[:, None, None] * COLUMNS + left
-        for shift, part in ((0, 1.0 - (place - left)), (1, place - left)):
-            sent[row] += np.bincount((first + shift).ravel(), (lit * part).ravel(), COLUMNS**2).reshape(COLUMNS, COLUMNS)
+        grey = (GREY + (1.0 - GREY) * s) ** 2 + (1.0 - GREY) ** 2 * v
+        for of, kind in enumerate((lit * factor, lit * factor * grey, lit * factor * c)):
+            for shift, share in ((0, 1.0 - part), (1, part)):
+                sent[of, row] += np.bincount((first + shift).ravel(), (kind * share).ravel(), COLUMNS**2).reshape(COLUMNS, COLUMNS)
     h = np.sqrt(lost)
     for _ in range(SCALINGS):
-        h = np.sqrt(h * lost / np.maximum((sent @ h[..., None])[..., 0], 1e-12))
-    got = h * (sent @ h[..., None])[..., 0]
-    over = np.max(np.divide(got, lost, out=np.ones_like(got), where=lost > 1e-9), axis=1)
+        h = np.sqrt(h * lost / np.maximum((sent[0] @ h[..., None])[..., 0], 1e-12))
+    whole, grey, twice = np.maximum((sent @ h[..., None])[..., 0], 1e-12)
+    over = np.max(np.divide(h * whole, lost, out=np.ones_like(lost), where=lost > 1e-9), axis=1)
     margin = SCALED[0] + np.maximum(SCALED[1] - alpha, 0.0)
     h = h * np.sqrt((1.0 - margin) / np.maximum(over, 1.0))[:, None]
     below = np.concatenate([h[1:], h[-1:]])
-    return np.ascontiguousarray(np.stack([h, np.roll(h, -1, 1), below, np.roll(below, -1, 1)], axis=-1).reshape(-1, 4))
+    s, c = (np.sqrt(grey / whole) - GREY) / (1.0 - GREY), twice / whole
+    tables = (h, np.roll(h, -1, 1), below, np.roll(below, -1, 1)), (s, c, np.roll(s, -1, 1), np.roll(c, -1, 1))
+    return tuple(np.ascontiguousarray(np.stack(numbers, axis=-1).reshape(-1, 4)) for numbers in tables)
 
 
 def raise_to_bound(rows: F64) -> F64:

@@ -5,7 +5,7 @@
 - Fresnel: Schlick's approximation, for metals minus Lazányi and Szirmay-Kalos' term, which gives the dip before the grazing angle
   (Hoffman 2019, Fresnel Equations Considered Harmful): f0 + (f90 − f0)(1 − c)⁵ − bend c (1 − c)⁶.
 - Light of further bounces between facets leaves in a wider GGX lobe, which returns what one bounce loses (module energy_compensation). Its
-  colour is that of a geometric series of bounces (Kulla and Conty 2017, Revisiting Physically Based Shading).
+  shape and its colour are fitted to random walks (module further_bounces).
 - The base is scaled by the transmission of the highlight both ways: ρ/π (1 − E(μₒ))(1 − E(μᵢ))/(1 − Ē), as in Kelemen and Szirmay-Kalos
   2001. So a white base under any highlight passes the furnace test, and each part is reciprocal.
 - Sheen (module sheen) lies over the highlight and the base; it is evaluated and sampled with the diffuse lobe.
@@ -24,7 +24,7 @@ from ...materials import thresholds
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
-from . import energy_compensation, sheen
+from . import energy_compensation, further_bounces, sheen
 
 SHARP, COAT, MAX_REFLECTION_ALPHA = thresholds.SHARP, thresholds.COAT, thresholds.MAX_REFLECTION_ALPHA
 METALLIC = 0.1  # reflectance at normal incidence above that of dielectrics: of an index of 1.92
@@ -53,7 +53,8 @@ class Albedos(NamedTuple):
 
     highlight: Vec  # of the highlight, with multiple scattering
     lost: Lane  # 1 − E: energy that single scattering loses
-    again: Lane  # h: the lobe of further bounces has the reflectance h h
+    again: Lane  # h: the lobe of further bounces has the reflectance h h, times further_bounces.pair
+    bounced: Vec  # share of the lost energy that further bounces return
     coat: Lane  # of the coat
     sheen: Any  # of sheen of colour 1, or None
 
@@ -122,22 +123,6 @@ def sample_visible_normal(normal: Vec, to_viewer: Vec, alpha: Lane, u: Lane, v: 
 
 
 @helper
-def _multiple_scattering3(lobes: Lobes) -> Vec:
-    """The share of the lost energy that further bounces return: F̄² c / (1 − F̄ (1 − c)), of the chance c to leave after each."""
-    f0, bend, leaves = lobes.f0, lobes.bend, energy_compensation.escape(lobes.alpha)
-    return (
-        _multiple_scattering(f0[0], lobes.f90, bend[0], leaves), _multiple_scattering(f0[1], lobes.f90, bend[1], leaves),
-        _multiple_scattering(f0[2], lobes.f90, bend[2], leaves),
-    )  # fmt: skip
-
-
-@helper
-def _multiple_scattering(f0: Lane, f90: Lane, bend: Lane, leaves: Lane) -> Lane:
-    reflected = f0 + (f90 - f0) * (1.0 / 21.0) - bend * (1.0 / 126.0)
-    return reflected * reflected * leaves / (1.0 - reflected * (1.0 - leaves))
-
-
-@helper
 def _albedo(lobes: Lobes, e: Lane, b: Lane, bounced: Vec) -> Vec:
     """The albedo of a highlight from its E and B."""
     a, lost, f0 = e - b, 1.0 - e, lobes.f0
@@ -148,21 +133,22 @@ def _albedo(lobes: Lobes, e: Lane, b: Lane, bounced: Vec) -> Vec:
 
 
 @helper
-def directional_albedo(lobes: Lobes, cosine: Lane, bounced: Vec) -> Albedos:
+def directional_albedo(lobes: Lobes, cosine: Lane) -> Albedos:
     """Return the directional albedos at a cosine."""
+    s, c = energy_compensation.after_two(lobes.table, cosine, lobes.alpha)
+    bounced = further_bounces.colour(lobes.f0, lobes.f90, lobes.bend, lobes.alpha, s, 0.0 * s, c)
     e, b = energy_compensation.directional_albedo(lobes.table, cosine, lobes.alpha)
     coat = 0.0 * cosine
     if ops.any_lane(lobes.coat > 0.0):
         whole, grazing = energy_compensation.directional_albedo(lobes.table, cosine, lobes.coat_alpha)
         coat = lobes.coat * (COAT * (whole - grazing) + grazing)
     again = energy_compensation.further_bounces(lobes.table, cosine, lobes.alpha)
-    return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, again, coat, sheen.albedo_of(lobes.sheen, None, cosine))
+    return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, again, bounced, coat, sheen.albedo_of(lobes.sheen, None, cosine))
 
 
 class Layers(NamedTuple):
     """Hemispherical means of the highlights."""
 
-    bounced: Vec  # share of the lost energy that further bounces return
     open: Vec  # mean transmission in and out
 
 
@@ -170,8 +156,8 @@ class Layers(NamedTuple):
 def layers(lobes: Lobes) -> Layers:
     """Return the means of a material's highlights."""
     mean, grazing, deviation = energy_compensation.means(lobes.table, lobes.alpha)
-    bounced = _multiple_scattering3(lobes)
-    whole = _albedo(lobes, mean, grazing, bounced)
+    s, c = energy_compensation.mean_after_two(lobes.alpha)
+    whole = _albedo(lobes, mean, grazing, further_bounces.colour(lobes.f0, lobes.f90, lobes.bend, lobes.alpha, s, 0.0 * s, c))
     one = 1.0 + 0.0 * mean
     passes = ops.sub((one, one, one), whole)
     if ops.any_lane(lobes.coat > 0.0):
@@ -183,7 +169,7 @@ def layers(lobes: Lobes) -> Layers:
             passes[0] * of_coat + together * (lobes.f90 - f0[0]), passes[1] * of_coat + together * (lobes.f90 - f0[1]),
             passes[2] * of_coat + together * (lobes.f90 - f0[2]),
         )  # fmt: skip
-    return Layers(bounced, passes)
+    return Layers(passes)
 
 
 @helper
@@ -225,7 +211,7 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
     lit = cos_in > 0.0
     cos_in = ops.clip(cos_in, LEAST, 1.0)
     cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
-    into = directional_albedo(lobes, cos_in, all_.bounced)
+    into = directional_albedo(lobes, cos_in)
     half = ops.normalize(ops.add(to_light, to_viewer))
     along = ops.clip(ops.dot(half, to_viewer), 0.0, 1.0)
     zero = 0.0 * cos_in
@@ -245,16 +231,30 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
     cos_lit = ops.where(lit, cos_in, zero)
     matt = ops.scale(diffuse_under_layers(lobes, all_, out, into), cos_lit)
     facing = ops.dot(half, normal)
-    below = matt, ops.add(ops.scale(fresnel(lobes, along), shine), ops.scale(all_.bounced, again))
+    below = matt, ops.add(ops.scale(fresnel(lobes, along), shine), _further(lobes, cos_out, cos_in, facing, again))
     matt, highlight = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, cos_lit * least)
     return LobeValues(matt, highlight, coat, cos_lit * (1.0 / math.pi), density, again_density, coat_density)
+
+
+@helper
+def _further(lobes: Lobes, cos_out: Lane, cos_in: Lane, facing: Lane, wide: Lane) -> Vec:
+    """π f cos of further bounces from that of the wide lobe of reflectance h h."""
+    if ops.not_(ops.any_lane(wide > 0.0)):
+        return wide, wide, wide
+    alpha = lobes.alpha
+    out, into = energy_compensation.column_of(cos_out, alpha), energy_compensation.column_of(cos_in, alpha)
+    spread = energy_compensation.spread_alpha(alpha)
+    up = ops.minimum(facing * facing, 1.0)
+    y = spread * spread * up / (1.0 - up + spread * spread * up)
+    factor, s, v, c = further_bounces.pair(lobes.table.pairs, out, into, alpha, y)
+    return ops.scale(further_bounces.colour(lobes.f0, lobes.f90, lobes.bend, alpha, s, v, c), wide * factor)
 
 
 @helper
 def viewer_albedo(lobes: Lobes, normal: Vec, to_viewer: Vec) -> tuple[Layers, Albedos]:
     """(means, directional albedos) of the viewer's direction."""
     all_ = layers(lobes)
-    return all_, directional_albedo(lobes, ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0), all_.bounced)
+    return all_, directional_albedo(lobes, ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0))
 
 
 class Chances(NamedTuple):
@@ -270,7 +270,7 @@ class Chances(NamedTuple):
 def chances(lobes: Lobes, all_: Layers, out: Albedos) -> Chances:
     """Return the probabilities by which lobes are sampled."""
     under = 1.0 - out.coat
-    again, whole = ops.mean3(all_.bounced) * out.lost, ops.mean3(out.highlight)
+    again, whole = ops.mean3(out.bounced) * out.lost, ops.mean3(out.highlight)
     matt = sheen.reflects(lobes.sheen, ops.mean3(lobes.base) * under * (1.0 - whole), out.sheen, under)
     shiny = ops.maximum(ops.where(lobes.sharp, 0.0, (whole - again) * under), 0.0)
     return Chances(matt, shiny, ops.where(lobes.sharp, 0.0, again * under), out.coat)
@@ -311,7 +311,7 @@ def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer:
     cosine = ops.dot(normal, to_light)
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     cos_in, cos_out = ops.clip(cosine, LEAST, 1.0), ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
-    into = directional_albedo(lobes, cos_in, all_.bounced)
+    into = directional_albedo(lobes, cos_in)
     zero = 0.0 * cosine
     dark = (zero, zero, zero)
     facing = ops.dot(ops.normalize(ops.add(to_light, to_viewer)), normal)

@@ -111,7 +111,7 @@ def test_veachs_plates_are_mitsubas(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         return planner.make_plan(scene, ir.Settings(size=(60, 40), bounces=2, filter="box", samples=512, seed=seed, backend="ray"))
 
     whole, real = runs_of(scene, plan), energy_compensation.table()
-    once = energy_compensation.Albedo(real.each.copy(), real.mean.copy(), 0.0 * real.again)
+    once = real._replace(each=real.each.copy(), mean=real.mean.copy(), again=0.0 * real.again)
     once.each[:, [0, 2]] = once.mean[:, 0] = 1.0
     monkeypatch.setattr(energy_compensation, "table", lambda: once)
     ours, theirs = runs_of(scene, plan), runs_of_theirs(scene, plan, 512)

@@ -51,6 +51,31 @@ def conductor(cosine: float, alpha: float, count: int, fresnel: Callable[[Array]
     return Walks(found, bounces, weight)
 
 
+def sent_to(cosine: float, alpha: float, count: int, fresnel: Callable[[Array], Array], to: Array, seed: int = 1) -> Array:
+    """(channels, directions) f cos of two bounces and more towards (directions, 3): each facet adds its chance to send light there."""
+    rng = np.random.default_rng(seed)
+    way, height = _start(cosine, count), np.ones(count)
+    weight = np.ones((count, fresnel(np.ones(1)).shape[1]))
+    found, smith = np.zeros((weight.shape[1], len(to))), _smith(to[:, 2], alpha)
+    for k in range(MOST + 1):
+        height, away = _fly(way[:, 2], height, alpha, rng)
+        way, height, weight = way[~away], height[~away], weight[~away]
+        seen = np.maximum((1.0 + _smith(-way[:, 2], alpha)) * -way[:, 2], 1e-9)
+        below = np.clip(0.5 * (height + 1.0), 0.0, 1.0)
+        for j in range(len(to) if k else 0):
+            half = to[j] - way
+            half /= np.linalg.norm(half, axis=1, keepdims=True)
+            along = np.clip(-np.sum(way * half, axis=1), 0.0, 1.0)
+            size = 1.0 - half[:, 2] ** 2 * (1.0 - alpha * alpha)
+            chance = np.where(half[:, 2] > 0.0, alpha * alpha / (math.pi * size * size) / (4.0 * seen) * below ** smith[j], 0.0)
+            found[:, j] += (weight * fresnel(along) * chance[:, None]).sum(axis=0)
+        facet = _visible_facet(-way, alpha, rng)
+        along = np.clip(-np.sum(way * facet, axis=1), 0.0, 1.0)
+        weight = weight * fresnel(along)
+        way = way + 2.0 * along[:, None] * facet
+    return found / count
+
+
 def dielectric(cosine: float, alpha: float, count: int, ratio: float, seed: int = 1) -> Walks:
     """Walks on a boundary to an index `ratio` times that of the side from which light comes."""
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from maquette.compiler import ir
 from maquette.compiler.scene.row_records import Input, MaterialData
 from maquette.render.integrator.state import path_state
 from maquette.render.lanes import ops
-from maquette.render.material import bsdf, energy_compensation, microfacet, principled, rough_dielectric
+from maquette.render.material import bsdf, energy_compensation, further_bounces, microfacet, principled, rough_dielectric
 from maquette.render.material.shader import ONLY, Uses, evaluate_shader
 from maquette.render.sampling import sobol
 from maquette.render.surface import interaction
@@ -113,12 +113,17 @@ def whole(name, roughness, cosine):
         matt += (
             w
             * mu
-            * microfacet.diffuse_under_layers(lobes, all_, out, microfacet.directional_albedo(lobes, np.asarray(mu), all_.bounced))[0]
+            * microfacet.diffuse_under_layers(lobes, all_, out, microfacet.directional_albedo(lobes, np.asarray(mu)))[0]
         )
     of = np.full_like(cosine, alpha)
-    lit, _, to = energy_compensation.over_visible_normals(cosine, energy_compensation.spread_alpha(of), 60, 40)
-    to = energy_compensation.further_bounces(lobes.table, np.minimum(to, 1.0), np.full_like(to, alpha))
-    again = out.again * (lit * to).sum(axis=(-2, -1)) * all_.bounced[0]
+    wide = energy_compensation.spread_alpha(of)
+    lit, away, to = energy_compensation.over_visible_normals(cosine, wide, 60, 40)
+    out_of, wide, of, to = cosine[:, None, None], wide[:, None, None], np.full_like(to, alpha), np.minimum(to, 1.0)
+    up = np.minimum(0.5 * (to + out_of) / np.maximum(1.0 - away, 1e-12), 1.0) ** 2
+    columns = [np.broadcast_to(energy_compensation.column_of(z, of), of.shape) for z in (out_of, to)]
+    factor, s, v, c = further_bounces.pair(lobes.table.pairs, *columns, of, wide**2 * up / (1.0 - up + wide**2 * up))
+    share = further_bounces.colour((f0, f0, f0), f90, (0.0, 0.0, 0.0), of, s, v, c)[0]
+    again = out.again * (lit * energy_compensation.further_bounces(lobes.table, to, of) * factor * share).sum(axis=(-2, -1))
     return coat + (1 - coat) * (highlight + again) + matt
 
 

@@ -48,6 +48,7 @@ def load(
     allow: str | Path | Sequence[str | Path] = (),
     variants: Mapping[str, str] | None = None,
     max_elements: int | None = None,
+    ocio: str | Path | None = None,
     diagnostics: "Diagnostics | None" = None,
     **params: Any,
 ) -> "Scene":
@@ -56,7 +57,8 @@ def load(
     `params` are values of the scene's params: numbers, truth values, lists, arrays, and texts in the language ("2cm", "#d0402a").
     `sets` are further ones, all as text, for names that are options here; `time` is in seconds; `allow` are folders it may read
     beside its own; `variants` choose USD variants ({"/prim:set": "name"}). `max_elements` limits the elements that a scene
-    makes and places (default 10 million). Warnings and notes are added to `diagnostics`; without it, warnings are SceneWarnings.
+    makes and places (default 10 million). `ocio` is the configuration of OpenColorIO whose colour spaces pictures may be of, by default
+    $OCIO. Warnings and notes are added to `diagnostics`; without it, warnings are SceneWarnings.
     Both are in the scene's `diagnostics` as well.
     Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it, ValueError for a wrong `time` or `max_elements`.
     """
@@ -72,16 +74,17 @@ def load(
         with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
             path, more = _written(source, Path(folder))
             return load(
-                path, sets=sets, time=time, allow=(*folders, *more), variants=variants, max_elements=max_elements, diagnostics=diagnostics,
-                **params,
+                path, sets=sets, time=time, allow=(*folders, *more), variants=variants, max_elements=max_elements, ocio=ocio,
+                diagnostics=diagnostics, **params,
             )  # fmt: skip
     collected = diagnostics if diagnostics is not None else messages.Diagnostics()
     earlier_count = len(collected.items)
     param_values = {name: as_text(value) for name, value in {**params, **(sets or {})}.items()}
     time = read("time", time, setting_values.seconds)
     max_elements = read("max_elements", max_elements, setting_values.whole_number(1, sys.maxsize))
-    compiled = loader.load(
-        Path(source), sets=param_values, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
+    compiled = loader.load_with_colors(
+        None if ocio is None else str(ocio), Path(source),
+        sets=param_values, time=time, allow=folders, stage=StageOptions(variants=variants or {}), max_elements=max_elements,
         diagnostics=collected, seconds={},
     )  # fmt: skip
     if diagnostics is None:
@@ -138,7 +141,7 @@ def render(scene: "ir.Scene | str | Path | Any", *, plan: Mapping[str, str] | No
         return Scene.of(scene).render_since(began, plan, options.pop("diagnostics", None), options)
     settings, others = split(options)
     try:
-        loaded = load(scene, **others)
+        loaded = load(scene, ocio=settings.get("ocio"), **others)
     except SceneError as error:
         explain_unknown(error, "render", others)
         raise
@@ -157,8 +160,9 @@ def sweep(source: "str | Path", *, plan: Mapping[str, str] | None = None, **opti
     settings, others = split(options)
     loading = {name: value for name, value in others.items() if name in LOADING}
     params = {name: value for name, value in others.items() if name not in LOADING}
+    loading["ocio"], found = settings.get("ocio"), loading.get("diagnostics")
     return [
-        Swept(values, load(source, **loading, **values).render(plan=plan, diagnostics=loading.get("diagnostics"), **settings))
+        Swept(values, load(source, **loading, **values).render(plan=plan, diagnostics=found, **settings))
         for values in list(combinations(params))
     ]
 
@@ -181,8 +185,8 @@ def show(path: str | Path, *, plan: Mapping[str, str] | None = None, allow: Sequ
     file = Path(path)
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file}")
-    loader_of_file = partial(loader.load, file, allow=tuple(Path(folder) for folder in allow))
     settings, params = split(options)
+    loader_of_file = partial(loader.load_with_colors, settings.get("ocio"), file, allow=tuple(Path(folder) for folder in allow))
     sets = {name: as_text(value) for name, value in params.items()}
     return Widget(Opened(file, loader_of_file, picture_settings(settings), plan or {}, sets))
 

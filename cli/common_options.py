@@ -130,7 +130,7 @@ def _picture_option(setting: PictureSetting) -> Callable[[Command], Command]:
         kind: click.ParamType = click.IntRange(*setting.limits)
     else:
         kind = click.Choice(setting.choices) if setting.choices else values.Value(setting.kind, setting.read)
-    return click.option(f"--{setting.name}", type=kind, help=setting.help)
+    return click.option(f"--{setting.name.replace('_', '-')}", type=kind, help=setting.help)
 
 
 _PICTURE = {
@@ -139,6 +139,9 @@ _PICTURE = {
         "--plan", "plan_values", type=values.ASSIGNMENT, multiple=True, callback=_pairs, help="Override a decision of explain."
     ),
 }
+
+
+ocio = _PICTURE["ocio"]
 
 
 def picture_options_except(*names: str) -> Callable[[Command], Command]:
@@ -162,7 +165,8 @@ def source_of(scene: Path, options: dict[str, Any]) -> jobs.Source:
         default_light=not options.pop("no_default_light"), size=options.get("size"),
     )  # fmt: skip
     mesh = MeshOptions(*(options.pop(name) for name in ("unit", "up", "animation", "repair")))
-    return jobs.Source(scene, options.pop("sets"), options.pop("at"), options.pop("allow"), stage, mesh, options.pop("max_elements"))
+    first = (options.pop("sets"), options.pop("at"), options.pop("allow"))
+    return jobs.Source(scene, *first, stage, mesh, options.pop("max_elements"), options.get("ocio"))
 
 
 def read_options(scene: Path, options: dict[str, Any]) -> tuple[jobs.Source, ir.Settings, dict[str, str]]:
@@ -173,6 +177,13 @@ def read_options(scene: Path, options: dict[str, Any]) -> tuple[jobs.Source, ir.
         raise click.UsageError("--samples and --error exclude each other: --samples sets the work, --error the quality")
     source, overrides = source_of(scene, options), options.pop("plan_values")
     return source, ir.Settings(**options), overrides
+
+
+def asked_look(settings: ir.Settings) -> Any:
+    """The image_files.Look that settings ask for."""
+    from ..render.image import image_files
+
+    return image_files.Look.asked(settings)
 
 
 def load(source: jobs.Source) -> ir.Scene:

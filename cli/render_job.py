@@ -80,12 +80,12 @@ def check_stats(stats: Path | None, *others: Path) -> None:
         raise click.UsageError(f"--stats {stats} would replace {taken}: choose another file, such as {stats.stem}.json")
 
 
-def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB", inputs: Iterable[Path] = ()) -> None:
-    """Check that a picture can be written. Raises UsageError for a wrong name, OSError for a wrong folder or one of the files `inputs`."""
+def check_output(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, look: Any = None, inputs: Iterable[Path] = ()) -> None:
+    """Check that a picture of an image_files.Look can be written. Raises UsageError, and OSError for a folder or one of `inputs`."""
     from ..render.image import image_files
 
     try:
-        image_files.check(path, aov, bits, view)
+        image_files.check(path, aov, bits, look)
     except image_files.FormatError as error:
         raise click.UsageError(str(error)) from None
     check_folder(path, inputs)
@@ -97,9 +97,9 @@ def confine(scene: Path, output: Path, stats: Path | None, options: Mapping[str,
     Raises UsageError on a system that cannot confine processes, and for a link in one of these names. Raises SceneError for a scene that
     is a link out of its folder.
     """
-    from ..compiler.io import confinement, sandbox
+    from ..compiler.io import confinement, environment, sandbox
 
-    session = [path for path in (options["session_layer"],) if path]
+    session = [path for path in (options["session_layer"], environment.color_config_folder(options["ocio"])) if path]
     folders = [path.parent for path in (output, stats) if path is not None]
     try:
         confinement.confine([scene.parent, *options["allow"], *session], folders, options["memory"])
@@ -264,6 +264,7 @@ class Job:
         with measure_time(seconds, "import"):
             from ..render import picture_notes
             from ..render.film.deadline import Deadline
+            from ..render.image import image_files
         self.display.stage("reading")
         scene, diagnostics = self.source.load(seconds, **moment)
         self.files = tuple(Path(file) for file in scene.files)
@@ -272,7 +273,7 @@ class Job:
         if self.inputs is not None:
             keys = kept_frames.keys_of(scene, plan, self.bits, self.inputs)
             self.inputs = keys.inputs
-        check_output(path, plan["aov"], self.bits, plan["view"], self.files)
+        check_output(path, plan["aov"], self.bits, image_files.Look.of(plan, 0.0), self.files)
         parts, expected = strip_plans(scene, plan, path, self.memory)
         self.report(diagnostics.items)
         self.report([*picture_notes.plan_warnings(scene, plan), *ignored_options.notes(self.settings, plan, path)])
@@ -301,7 +302,7 @@ class Job:
 
         plan, (x0, y0, x1, y1) = read.plan, read.plan["crop"]
         metered = plan["exposure"] == "metered" and self.exposure is None
-        look = image_files.Look(0.0, plan["view"], self.bits or 8, white=plan["white"])
+        look = image_files.Look.of(plan, 0.0, self.bits or 8)
         return read.deadline.earlier(image_files.writing_time(read.path, (x1 - x0) * (y1 - y0), look, metered, len(plan["aov"])))
 
     def finish(self, read: Reading, image: Image, keeper: Keeper | None = None) -> dict[str, Any]:
@@ -357,7 +358,7 @@ class Job:
         from ..render.image import image_files
 
         plan = read.plan
-        look = image_files.Look(exposure, plan["view"], self.bits or 8, alpha=plan["background"] == "transparent", white=plan["white"])
+        look = image_files.Look.of(plan, exposure, self.bits or 8)
         about = {
             "command": shlex.join(["maquette", *sys.argv[1:]]), "version": __version__, "backend": plan["backend"],
             "seed": plan["seed"], "samples": json_value(plan["samples"]), "exposure": exposure,

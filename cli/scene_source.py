@@ -33,6 +33,7 @@ class Source:
     stage: StageOptions
     mesh: MeshOptions
     max_elements: int | None = None
+    ocio: str | None = None  # configuration of OpenColorIO
     fps: float | None = None  # pictures a second of a file that has no rate of its own
 
     def load(self, seconds: dict[str, float], time: float | None = None, code: float | None = None) -> tuple[ir.Scene, Diagnostics]:
@@ -41,8 +42,8 @@ class Source:
             from ..compiler import load
 
         diagnostics = Diagnostics()
-        scene = load.load(
-            self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow,
+        scene = load.load_with_colors(
+            self.ocio, self.path, sets=self.sets, time=self.time if time is None else time, code=code, allow=self.allow,
             stage=self.stage, mesh=self.mesh, max_elements=self.max_elements, diagnostics=diagnostics, seconds=seconds,
         )  # fmt: skip
         return scene, diagnostics

@@ -7,18 +7,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..lang import collector, file_types, foreign_formats
 from ..lang.diagnostics import Diagnostics, Span, suggest
 from ..lang.eval import evaluator
+from ..lang.input_error import InputError
 from . import ir
 from .catalogue import CATALOGUE
 from .importers.common.mesh_options import MeshOptions
 from .importers.stage_options import StageOptions
-from .io import source_files
-from .io.sandbox import FileError, Files, open_main
+from .io import color_config, source_files
+from .io.sandbox import Files, open_main
 from .lower import lowering
 from .mesh import built_geometry
 from .plan import camera_view, coincident_faces, enclosed_lights, scene_extent
@@ -55,6 +57,7 @@ def load(
     scene = None
     try:
         files, real = open_main(path, allow, "scene" if suffix in file_types.SCENE else "file")
+        files.colors = color_config.of_pictures()
         options, meshes = stage or StageOptions(), mesh or MeshOptions()
         _refuse_unused(suffix, str(path), sets, (time, code), options, meshes, messages)
         if max_elements is not None and suffix not in file_types.SCENE:
@@ -74,7 +77,7 @@ def load(
                 scene = serialize.load(path)
         else:
             _refuse_unknown(path, messages)
-    except FileError as failure:
+    except InputError as failure:
         messages.error(failure.message, Span(str(path)), failure.hint)
     messages.raise_if_failed()
     assert scene is not None
@@ -86,6 +89,12 @@ def load(
     coincident_faces.warn_of_coincident_faces(scene, messages)
     texture_coordinates.warn_of_missing_coordinates(scene, messages)
     return scene
+
+
+def load_with_colors(ocio: str | None, path: Path | str, **options: Any) -> ir.Scene:
+    """As `load`, with a configuration of OpenColorIO whose colour spaces pictures may be of; None: that of the environment, if any."""
+    with color_config.used_by_pictures(ocio):
+        return load(path, **options)
 
 
 def _refuse_unknown(path: Path, diagnostics: Diagnostics) -> None:

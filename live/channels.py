@@ -17,13 +17,12 @@ POOL = ThreadPoolExecutor(PARTS, "display")
 HEAT = np.array([[30, 30, 60], [60, 70, 160], [40, 150, 150], [130, 200, 90], [250, 220, 80], [250, 120, 60]], np.float64)
 
 
-def colors(rgba: NDArray[np.float32], exposure: float, view: str, transparent: bool, white: float = 0.0) -> Codes:
-    """(h, w, 4) codes of linear light; coverage is kept if `transparent`, else it is 255."""
-    look = image_files.Look(exposure, view, alpha=transparent, white=white)
+def colors(rgba: NDArray[np.float32], look: image_files.Look) -> Codes:
+    """(h, w, 4) codes of linear light; coverage is kept if the look has alpha, else it is 255."""
     parts = list(POOL.map(lambda rows: image_files.display(rows, look), np.array_split(rgba, PARTS)))  # numpy frees Python's lock
     pixels = np.empty((*rgba.shape[:2], 4), np.uint8)
     np.concatenate(parts, out=pixels[..., : parts[0].shape[2]])
-    if not transparent:
+    if not look.alpha:
         pixels[..., 3] = 255
     return pixels
 

@@ -221,7 +221,7 @@ def encoded(current: Current, kind: str) -> bytes:
     if image is None:
         height, width = shown.rgba.shape[:2]
         image = Image(width, height, {"rgba": shown.rgba}, {})
-    look = image_files.Look(current.exposure, plan["view"], alpha=plan["background"] == "transparent", white=plan["white"])
+    look = image_files.Look.of(plan, current.exposure)
     with tempfile.TemporaryDirectory(prefix="maquette-") as folder:
         path = Path(folder) / f"picture.{kind}"
         image_files.write(image, path, look, {"backend": plan["backend"], "exposure": current.exposure})

@@ -371,7 +371,7 @@ class Studio:
             codes = channels.auxiliary(name, shown.channels[name])
         else:
             name = "color"
-            codes = channels.colors(shown.rgba, float(exposure), plan["view"], plan["background"] == "transparent", plan["white"])
+            codes = channels.colors(shown.rgba, image_files.Look.of(plan, float(exposure)))
         height, width = codes.shape[:2]
         x0, y0, x1, y1 = plan["crop"]
         about = {

@@ -11,14 +11,14 @@ import numpy as np
 from ..compiler import ir
 from ..compiler.plan import channels, decision, emissive_shapes, omitted_light, single_sided
 from ..compiler.plan.plan import Plan
-from . import camera, types
+from . import camera, types, working_space
 from .backends import accumulation, kernel_choice, light_groups
 from .film import bloom, bounce_error, film, picture_statistics
 from .film.checkpoint import Keeper
 from .film.deadline import Deadline
 from .film.progress import Progress, Report
 from .film.remote import Remote
-from .image import cryptomatte
+from .image import color_channels, cryptomatte
 from .image.image import Image
 from .jit import cancellation, compile_events, kernel_cache
 from .simd import target
@@ -42,9 +42,10 @@ def draw(
     bounces, a bounce_error.Cut, or None if not measured, as of `quick` pictures, which others replace soon; "bias", the share of light
     that the picture is known to lack, None where light of unknown size is left out; "left_out", clauses about that; "brightness", the
     greatest red, green or blue; "ready" and "ready_cpu", the seconds of the budget, and of CPU, before the first sample; "elapsed" and
-    "elapsed_cpu", those at the end; "exposure", "view" and "transparent" of the plan, for files. `progressive` refines all tiles
-    together, for viewers.
+    "elapsed_cpu", those at the end; those of the plan that files need. `progressive` refines all tiles together, for viewers. Light is
+    computed in the plan's working space; pictures are linear Rec.709.
     """
+    scene, plan = working_space.scene_in(scene, plan)
     seconds: dict[str, float] = {}
     width, height = plan["size"]
     view = types.View(plan["camera"], width, height)
@@ -66,21 +67,22 @@ def draw(
             mattes = cryptomatte.Mattes(scene, layers) if layers else None
         with kernel_cache.timed(seconds, "render"):
             reporter = _with_denoiser(report, renderer, plan, cancel) if report and progressive and decision.may_denoise(plan) else report
+            reporter = _in_rec709(reporter, plan["working_space"])
             checkpoint = None if lit or by_moments else keeper
             write_groups = renderer.put if lit else lambda image: None
             ready = {"ready": deadline.spent(), "ready_cpu": deadline.cpu_spent()}
             work = (renderer, plan, view, reporter, cancel or threading.Event(), mattes, checkpoint, progressive)
             image = _draw_in_time(work, deadline, write_groups) if deadline.is_finite else _draw(work, write_groups)
     tell(Progress("finishing"))
+    color_channels.to_rec709(image, plan["working_space"])
     notes = _notes(scene, plan) + [(single_sided.LEFT, "instances", undrawn)] * (undrawn >= 0)
     notes += accumulation.notes(scene, plan) if by_moments else []
     unproved, cut = count_unproved(renderer), None if quick else _measure_bounce_error(renderer, plan, image, deadline)
-    shown = {"exposure": plan["exposure"], "view": plan["view"], "white": plan["white"], "transparent": plan["background"] == "transparent"}
     if plan["bloom"] > 0.0:
         _add_bloom(scene, plan, image)
     image.metadata.update(
-        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **shown,
-        brightness=_brightness(image, shown["transparent"], int(plan["threads"])), **_omitted(scene, plan, cut),
+        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **_for_files(plan),
+        brightness=_brightness(image, plan["background"] == "transparent", int(plan["threads"])), **_omitted(scene, plan, cut),
         elapsed=deadline.spent(), elapsed_cpu=deadline.cpu_spent(),
     )  # fmt: skip
     if mattes is not None:
@@ -133,6 +135,26 @@ def _with_denoiser(report: Report, renderer: Any, plan: Plan, cancel: threading.
         return denoise.preview_filter(renderer, plan, cancel or threading.Event())
 
     return lambda progress: report(progress._replace(denoiser=denoiser))
+
+
+def _for_files(plan: Plan) -> dict[str, Any]:
+    """The decisions that files of the picture need."""
+    names = ("exposure", "view", "white", "working_space", "ocio", "display", "look")
+    return {**{name: plan[name] for name in names}, "transparent": plan["background"] == "transparent"}
+
+
+def _in_rec709(report: Report | None, space: str) -> Report | None:
+    """`report`, with pictures so far in linear Rec.709."""
+    if report is None or space == working_space.REC709:
+        return report
+
+    def converted(progress: Progress) -> None:
+        picture = progress.picture
+        if picture is not None:
+            picture = picture._replace(rgba=color_channels.rgba_to_rec709(picture.rgba, space))
+        report(progress._replace(picture=picture))
+
+    return converted
 
 
 def _brightness(image: Image, transparent: bool, threads: int) -> float | None:

@@ -61,6 +61,7 @@ def _names_of(allowed: Sequence[str], what: str) -> Any:
     help="Chart file: .svg, .png or .html; repeat the option for several. Default: SCENE.chart.svg in this folder.",
 )  # fmt: skip
 @shared.scene_options
+@shared.ocio
 @click.option("--size", type=values.SIZE, help="Pixels: 320x240, or 256 for a square. Default: the scene's, at most 160 wide or high.")
 @click.option("--camera", metavar="NAME", help="Name of the camera.")
 @click.option(

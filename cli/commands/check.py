@@ -18,6 +18,7 @@ from .. import terminal
 @click.command("check")
 @click.argument("scenes", type=shared.FILE, nargs=-1, required=True)
 @shared.scene_options
+@shared.ocio
 @click.option("--strict", is_flag=True, help="Count warnings as errors: among them everything that a file has and is not drawn.")
 @click.option("--build", is_flag=True, help="Make the geometry, too: solids, text and heightfields, whose last errors show then.")
 @click.option("--json", "as_json", is_flag=True, help="Print all diagnostics as a JSON list.")

@@ -36,7 +36,8 @@ FIGURES = {  # in a sentence
 OF_SCENES = (  # parameters that need a scene
     "sets", "at", "allow", "variants", "purposes", "mask", "complexity", "no_default_light", "cull_backfaces", "conform",
     "render_settings",
-    "session_layer", "max_elements", "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
+    "session_layer", "max_elements", "ocio", "working_space",
+    "backend", "size", "camera", "samples", "error", "budget", "bounces", "seed", "threads", "crop",
     "background", "plan_values",
 )  # fmt: skip
 SHARES = (*(name for name, metric in compared().items() if metric.share), "flip", "bias")  # shown in per cent
@@ -101,7 +102,7 @@ def _convert(kind: click.ParamType, value: str, where: str, param: click.Paramet
 @click.option("--json", "as_json", is_flag=True, help="Print all figures as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress.")
 @shared.scene_options
-@shared.picture_options_except("aov", "view", "white", "bloom")
+@shared.picture_options_except("aov", "view", "display", "look", "white", "bloom")
 @shared.examples(
     "maquette compare out.exr reference.exr --threshold 1% -o difference.png",
     "maquette compare room.scene --backends raster,ray --size 400x300",

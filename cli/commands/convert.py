@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 @click.argument("scene", metavar="IN", type=shared.FILE)
 @click.argument("output", metavar="OUT", type=shared.OUT)
 @shared.scene_options
-@shared.picture_options_except("backend", "error", "budget", "aov", "exposure", "view", "white", "bloom", "threads")
+@shared.picture_options_except(
+    "backend", "error", "budget", "aov", "exposure", "view", "display", "look", "working_space", "white", "bloom", "threads"
+)
 @click.option(
     "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
     help="Greatest distance of triangles from the true surface (0.05mm). Default: 1/2000 of the scene.",

@@ -15,6 +15,7 @@ from .. import terminal
 @click.command("inspect")
 @click.argument("scene", type=shared.FILE)
 @shared.scene_options
+@shared.ocio
 @click.option("--ir", "as_ir", is_flag=True, help="Print every row of every table.")
 @click.option("--json", "as_json", is_flag=True, help="Print the tables as JSON.")
 @shared.examples("maquette inspect room.scene", "maquette inspect gear.scene --ir --set teeth=6", "maquette inspect robot.usdz")

@@ -32,7 +32,7 @@ FILES = (".json", ".csv", ".png")
 BUDGET = 60.0  # seconds of measuring light, unless others are asked for
 NOT_OF_LIGHT = (
     "backend", "samples", "error", "budget", "bounces", "aov", "denoise", "tolerance", "crop", "background", "exposure", "view",
-    "white", "bloom", "plan",
+    "display", "look", "working_space", "white", "bloom", "plan",
 )  # fmt: skip
 DENSITIES = {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1000.0, "g/cm³": 1000.0}
 

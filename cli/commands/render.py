@@ -67,7 +67,7 @@ def command(
     if animated:
         animation.check(output, frames)
     else:
-        jobs.check_output(output, settings.aov or (), depth, settings.view or "sRGB")
+        jobs.check_output(output, settings.aov or (), depth, shared.asked_look(settings))
     jobs.check_stats(stats, scene, output)
     job = jobs.Job(source, settings, overrides, output, depth, quiet, **job_options)
     with shared.connect(address) as job.cluster:

@@ -37,7 +37,7 @@ SAMPLES = 32  # without --samples and --error
 @click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder of a report: index.html with pictures.")
 @click.option("--json", "as_json", is_flag=True, help="Print a record of each scene as JSON.")
 @shared.scene_options
-@shared.picture_options_except("aov", "crop", "exposure", "view", "white", "bloom", "denoise", "budget", "background")
+@shared.picture_options_except("aov", "crop", "exposure", "view", "display", "look", "white", "bloom", "denoise", "budget", "background")
 @click.option("-q", "--quiet", is_flag=True, help="Print only failures.")
 @shared.examples(
     "maquette test scenes --update", "maquette test scenes", "maquette test scenes -o report", "maquette test gear.scene"

@@ -244,7 +244,7 @@ def _draw(asset: Asset, output: Path, looks: Looks, record: Thumbnail) -> None:
     if exposure == "metered":
         exposure = image_files.auto_exposure(image.channels["rgba"], int(image.metadata.get("threads", 0)))
     make_folder(picture.parent, output)
-    image_files.write(image, picture, image_files.Look(exposure, plan["view"], alpha=True, white=plan["white"]), {"version": __version__})
+    image_files.write(image, picture, image_files.Look.of(plan, exposure, alpha=True), {"version": __version__})
     record.triangles, record.instances = len(scene.tables.pools.triangles), len(scene.tables.instances.geometry)
     record.made_from = {file: _changed(Path(file)) for file in dict.fromkeys((str(asset.path), *scene.files))}
     record.warnings = [f"{d.span}: {d.message}" if d.span else d.message for d in diagnostics.items if d.severity == "warning"]

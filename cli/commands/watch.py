@@ -64,7 +64,7 @@ def command(
     source, settings, overrides = shared.read_options(scene, options)
     window = output is None if window is None else window
     if output is not None:
-        jobs.check_output(output, settings.aov or (), None, settings.view or "sRGB")
+        jobs.check_output(output, settings.aov or (), None, shared.asked_look(settings))
     elif not window:
         raise click.UsageError("--no-window needs a picture file: -o FILE")
     if not window and port is not None:
@@ -110,7 +110,8 @@ def _opened(job: jobs.Job, path: Path) -> Opened:
     from ...live.scene_files import Opened
 
     source, stage = job.source, job.source.stage
-    loaded = partial(load.load, path, allow=source.allow, stage=stage, mesh=source.mesh, max_elements=source.max_elements)
+    read = partial(load.load_with_colors, source.ocio, path)
+    loaded = partial(read, allow=source.allow, stage=stage, mesh=source.mesh, max_elements=source.max_elements)
     return Opened(path, loaded, job.settings, job.overrides, source.sets, source.time)
 
 
@@ -135,7 +136,7 @@ def _write(output: Path, current: Current, state: State) -> None:
     exposure = plan["exposure"]
     if exposure == "metered":
         exposure = image_files.auto_exposure(image.channels["rgba"], int(image.metadata.get("threads", 0)))
-    look = image_files.Look(float(exposure), plan["view"], alpha=plan["background"] == "transparent", white=plan["white"])
+    look = image_files.Look.of(plan, float(exposure))
     about = {"version": __version__, "backend": plan["backend"], "seed": plan["seed"], "exposure": float(exposure)}
     image_files.write(image, output, look, about)
     click.echo(f"{output}: {image.width}x{image.height}, {plan['backend']}, {image.metadata['samples']:g} samples a pixel")

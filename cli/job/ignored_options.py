@@ -18,7 +18,7 @@ def notes(settings: ir.Settings, plan: Plan, path: Path) -> list[Diagnostic]:
 
     sentences = []
     if path.suffix.lower() in image_files.LINEAR:
-        names = [name for name in ("exposure", "view", "white") if getattr(settings, name) is not None]
+        names = [name for name in ("exposure", "view", "display", "look", "white") if getattr(settings, name) is not None]
         sentences += [f"--{name} has no effect: an EXR file holds the radiance itself" for name in names]
     if settings.tolerance is not None and plan["backend"] != "raster":
         sentences.append(f"--tolerance has no effect: the backend {plan['backend']} draws curved shapes without triangles")

@@ -13,7 +13,9 @@ import numpy as np
 
 from ...lang.diagnostics import Diagnostics, Span
 from ...lang.input_error import InputError
-from ..io import library_messages, picture_contents, stage_cache
+from ..io import color_encoding, library_messages, picture_contents, stage_cache
+from ..io.color_config import Config
+from ..io.color_encoding import Encoding
 from ..io.regular_files import is_regular, read_bytes
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 MAX_TEXELS = 1 << 26  # of one image: 8192 × 8192, 1 GiB
 MAX_ALL_TEXELS = 1 << 27  # of all images of a scene
 LARGEST = float(np.finfo(np.float32).max)
+PLAIN = ("srgb", "linear")  # spaces in which numbers and colours are the same
 _BAND = 1 << 14  # pixels that are converted together
 
 
@@ -38,6 +41,8 @@ class Decoded(NamedTuple):
     """Number of pixels that were infinite or NaN."""
     faults: tuple[tuple[str, str], ...]
     """(message, hint) of all that is missing, not drawn, or drawn by a guess."""
+    is_wide: bool = False
+    """Whether colours lie beyond Rec.709, with negative components."""
 
     def warn(self, name: str, diagnostics: Diagnostics, span: Span | None) -> None:
         """Add a warning for each fault of the image `name`, and for its pixels that are not finite."""
@@ -53,8 +58,8 @@ class Decoded(NamedTuple):
 def row(builder: SceneBuilder, path: Path, space: str = "auto", color: bool = True, span: Span | None = None) -> int:
     """The row in ir.Images of an image file, loaded once for each colour space. Raises ImageError.
 
-    `path` is already allowed by Files. `space` "auto" means sRGB for an 8 or 16 bit integer image used as a `color`, linear otherwise.
-    Warnings refer to `span`.
+    `path` is already allowed by Files. `space` "auto" means sRGB for an 8 or 16 bit integer image used as a `color`, linear otherwise;
+    others are those of color_encoding.find. Warnings refer to `span`.
     """
     return _row(builder, str(path), space, color, lambda: str(path), path.name, span)
 
@@ -68,38 +73,42 @@ def row_from_bytes(
 
 def _row(builder: SceneBuilder, key: str, space: str, color: bool, source: Any, name: str, span: Span | None) -> int:
     space = "linear" if space == "auto" and not color else space
-    limit = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels)
+    limit, config = min(MAX_TEXELS, MAX_ALL_TEXELS - builder.texels), builder.files.colors
 
     def texture_row() -> int:
-        decoded = _read_cached(source(), name, space, limit)
+        decoded = _read_cached(source(), name, (space, limit, color, config))
         decoded.warn(name, builder.diagnostics, span)
+        builder.is_wide |= decoded.is_wide
         return builder.image(decoded.texels, key)
 
-    return builder.shared(("image", key, space), texture_row)
+    return builder.shared(("image", key, space, color or space in PLAIN), texture_row)
 
 
-def _read_cached(source: str | bytes, name: str, space: str, limit: int) -> Decoded:
-    """As `read`, or its result of the last compilation."""
+def _read_cached(source: str | bytes, name: str, how: tuple[str, int, bool, Config | None]) -> Decoded:
+    """As `read`, or its result of the last compilation; `how` are its last arguments."""
     try:
         data = source if isinstance(source, bytes) else read_bytes(source)
     except OSError:
-        return read(source, name, space, limit)
-    return stage_cache.cached("images read", (data, name, space, limit), lambda: read(source, name, space, limit))
+        return read(source, name, *how)
+    key = (data, name, *how[:3], how[3].name if how[3] is not None else "")
+    return stage_cache.cached("images read", key, lambda: read(source, name, *how))
 
 
 @library_messages.left_out()
-def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS) -> Decoded:
+def read(
+    source: str | bytes, name: str, space: str = "auto", limit: int = MAX_TEXELS, color: bool = True, config: Config | None = None
+) -> Decoded:
     """Decode a path or a file's bytes. `name` is the one in messages. Raises ImageError.
 
     The first picture of the file is read: its R, G, B and A, or the channels that `choose_channels` selects. Infinite values become
-    the largest float, NaN becomes 0.
+    the largest float, NaN becomes 0. Colours become Rec.709; those beyond it are negative.
     """
     import OpenImageIO as oiio
 
     with _on_disk(source) as path, np.errstate(all="ignore"):
-        config = oiio.ImageSpec()
-        config.attribute("oiio:UnassociatedAlpha", 1)
-        picture = oiio.ImageInput.open(path, config)
+        wanted = oiio.ImageSpec()
+        wanted.attribute("oiio:UnassociatedAlpha", 1)
+        picture = oiio.ImageInput.open(path, wanted)
         if picture is None:
             raise ImageError(f"cannot read the picture `{name}`", _reason(picture_contents.message_of(oiio), path, name))
         try:
@@ -116,8 +125,9 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
             pixels = picture.read_image(0, 0, first, max(channels.used) + 1, _stored_type(spec))
             if pixels is None:
                 raise ImageError(f"the picture `{name}` is damaged", _reason(picture_contents.message_of(picture), path, name))
-            unread, is_srgb = channels.unread(names), space != "linear"
-            faults = tuple(picture_contents.faults(picture, channels.stand_in, unread, path, name, is_srgb=is_srgb))
+            encoding, odd_space = _encoding(spec, name, space, color, config)
+            unread, is_srgb = channels.unread(names), space in ("auto", "srgb")
+            faults = (*picture_contents.faults(picture, channels.stand_in, unread, path, name, is_srgb=is_srgb), *odd_space)
         finally:
             picture.close()
     if pixels.ndim == 4:  # first slice of a volume
@@ -127,9 +137,21 @@ def read(source: str | bytes, name: str, space: str = "auto", limit: int = MAX_T
     if rows != list(range(pixels.shape[2])):
         pixels = pixels[..., rows]
     alpha = len(channels.colors) if channels.alpha >= 0 else -1
-    texels = _in_display_window(_linear(pixels, spec, alpha, space), spec)
+    texels = _in_display_window(_linear(pixels, spec, alpha, encoding), spec)
     odd = 0 if pixels.dtype != np.float32 else _make_finite(texels)
-    return Decoded(texels, odd, faults)
+    return Decoded(texels, odd, faults, encoding.changes_colors and bool((texels[..., :3] < 0.0).any()))
+
+
+def _encoding(spec: Any, name: str, space: str, color: bool, config: Config | None) -> tuple[Encoding, list[tuple[str, str]]]:
+    """The encoding of a picture, and the fault of its chromaticities. Raises ImageError for a colour space that is not known."""
+    primaries = picture_contents.chromaticities(spec)
+    try:
+        return color_encoding.find(space, _stored_type(spec) != "float", color, primaries, config), []
+    except ValueError:
+        message = f"the chromaticities of the picture `{name}` are not of a colour space: its colours are drawn as Rec.709"
+        return color_encoding.find(space, False), [(message, "write them as x and y of red, green, blue and white")]
+    except InputError as unknown:
+        raise ImageError(unknown.message, unknown.hint) from None
 
 
 def matrix(source: str | bytes, name: str, names: tuple[str, ...]) -> np.ndarray | None:
@@ -178,16 +200,14 @@ def _stored_type(spec: Any) -> str:
     return {"uint8": "uint8", "uint16": "uint16"}.get(str(spec.format), "float")
 
 
-def _linear(pixels: np.ndarray, spec: Any, alpha_at: int, space: str) -> np.ndarray:
+def _linear(pixels: np.ndarray, spec: Any, alpha_at: int, encoding: Encoding) -> np.ndarray:
     integers = pixels.dtype != np.float32
-    if space == "auto":
-        space = "srgb" if integers else "linear"
     top = float(np.iinfo(pixels.dtype).max) if integers else 1.0
     colors = [c for c in range(pixels.shape[2]) if c != alpha_at][:3]
     if len(colors) == 2:
         colors = [*colors, -1]  # two channels only: blue is 0
     texels = np.empty((*pixels.shape[:2], 4), dtype=np.float32)
-    table = _decode(np.arange(top + 1) / top, space).astype(np.float32) if integers else None
+    table = encoding.linear(np.arange(top + 1) / top).astype(np.float32) if integers else None
     channels = [colors[min(k, len(colors) - 1)] if colors else -1 for k in range(3)]
     associated = alpha_at >= 0 and not spec.get_int_attribute("oiio:UnassociatedAlpha", 0)
     for rows in _bands(texels):
@@ -195,19 +215,14 @@ def _linear(pixels: np.ndarray, spec: Any, alpha_at: int, space: str) -> np.ndar
         for k, channel in enumerate(channels):
             if channel not in decoded:
                 values = source[..., channel]
-                decoded[channel] = np.take(table, values) if table is not None else _decode(values, space)
+                decoded[channel] = np.take(table, values) if table is not None else encoding.linear(values)
             band[..., k] = decoded[channel]
         band[..., 3] = source[..., alpha_at] / np.float32(top) if alpha_at >= 0 else 1.0
+        if encoding.changes_colors:
+            band[..., :3] = encoding.convert(band[..., :3])
         if associated:
             band[..., :3] /= np.where(band[..., 3:] > 0, band[..., 3:], 1.0)
     return texels
-
-
-def _decode(values: np.ndarray, space: str) -> np.ndarray:
-    """sRGB to linear (IEC 61966-2-1), or values as they are."""
-    if space != "srgb":
-        return values
-    return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4)
 
 
 @contextmanager

@@ -63,7 +63,7 @@ def environment() -> dict[str, str]:
             if not entries:
                 del variables[name]
     for name in _SINGLE:
-        if not os.path.isabs(variables.get(name, os.sep)):
+        if not os.path.isabs(variables.get(name, os.sep)) and not variables[name].startswith("ocio://"):  # one inside of the library
             del variables[name]
     return {**variables, "PYTHONSAFEPATH": "1"}
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...lang import text_encoding
 from .regular_files import read_bytes
 
@@ -53,6 +55,12 @@ class Channels(NamedTuple):
 def channel_names(spec: Any) -> list[str]:
     """The names of a file's channels; those that are not UTF-8 are read as other text is."""
     return [_readable(str(name)) for name in spec.channelnames]
+
+
+def chromaticities(spec: Any) -> tuple[float, ...] | None:
+    """x and y of a file's red, green, blue and white, as an EXR has them; None without them."""
+    values = spec.getattribute("chromaticities")
+    return tuple(map(float, values)) if values is not None and np.size(values) == 8 else None
 
 
 def message_of(source: Any) -> str:

@@ -9,12 +9,16 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from ...lang import text_encoding
 from ...lang.diagnostics import suggest
 from ...lang.file_types import is_binary
 from ...lang.input_error import InputError
 from .regular_files import MAX_DATA, MAX_SOURCE, read_bytes, size
+
+if TYPE_CHECKING:
+    from .color_config import Config
 
 LIBRARY = Path(__file__).resolve().parents[2] / "stdlib"
 MAX_QUOTED = 4 << 20  # bytes of the largest file whose lines are quoted in messages
@@ -46,6 +50,7 @@ class Files:
         self._unsaved = _unsaved.get()
         self._allowed = (self.root, LIBRARY, *(Path(a).expanduser().resolve() for a in allow))
         self._read: dict[str, None] = {}
+        self.colors: Config | None = None  # the configuration whose colour spaces pictures may be of
 
     @property
     def read(self) -> tuple[str, ...]:

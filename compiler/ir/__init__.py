@@ -15,6 +15,7 @@ from .columns import (
 )
 from .kinds import (
     CLIP_PLANES,
+    COLOR_SLOTS,
     PARAMETERS,
     SLOTS,
     FalloffKind,
@@ -65,6 +66,7 @@ from .tables import (
 
 __all__ = [
     "CLIP_PLANES",
+    "COLOR_SLOTS",
     "F32",
     "F64",
     "I32",

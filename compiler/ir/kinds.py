@@ -116,6 +116,9 @@ class Slot(Kind):
 
 
 SLOTS = len(Slot)
+COLOR_SLOTS = frozenset(
+    (Slot.AMBIENT, Slot.DIFFUSE, Slot.SPECULAR, Slot.REFLECTION, Slot.TRANSMISSION, Slot.EMISSION, Slot.EDGE, Slot.SHEEN)
+) | {Slot.DIFFUSE_TRANSMISSION}  # that are colours of light or reflectance; AMBIENT of principled ones is a number
 
 
 class TextureKind(Kind):

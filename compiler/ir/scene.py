@@ -29,6 +29,10 @@ class Settings:
     view: str | None = None
     white: float | str | None = None  # kelvin, or "auto"
     bloom: float | None = None  # share of the light that the lens scatters
+    working_space: str | None = None  # lang.color_spaces.WORKING
+    ocio: str | None = None  # a configuration of OpenColorIO: a file, or ocio://…
+    display: str | None = None  # of that configuration, as the next
+    look: str | None = None
     camera: str | None = None
     threads: int | None = None
     denoise: bool | None = None
@@ -125,3 +129,4 @@ class Scene:
     files: tuple[str, ...] = ()  # every file read, for watch
     params: tuple[Any, ...] = ()  # lang.elements.ParamInfo, for inspect and sliders
     meters: tuple[Meter, ...] = ()  # light meters, for measure
+    is_wide: bool = False  # some image has colours beyond Rec.709, with negative components

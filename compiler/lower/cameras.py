@@ -98,7 +98,7 @@ def settings(lowering: Context, render: Element | None, cameras: tuple[Element, 
     if args["size"] is not None and max(args["size"]) > MAX_SIDE:
         width, height = args["size"]
         lowering.error(render, f"a picture of {width} by {height} pixels is too big", f"at most {MAX_SIDE} each way")
-    same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background")
+    same = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background", "working_space")
     values = {name: args[name] for name in same}
     return ir.Settings(**values, crop=_crop(lowering, render), aov=_aov(lowering, render), view=view, white=white)
 

@@ -11,6 +11,7 @@ from ...lang.schema.picture_channels import CHANNELS, CRYPTOMATTES, LIGHT
 from ...lang.schema.picture_settings import FILTERS, MAX_SAMPLES
 from ...lights import SKIES
 from .. import ir
+from ..io import color_config, environment
 from . import light_temperature
 from .channels import REST, is_channel
 from .decision import DEFAULT_ERROR, Decision, Plan, PlanError, Rule, by_default
@@ -149,9 +150,34 @@ def _exposure(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("exposure", 0.0, "no light has a unit", fixed="--exposure")
 
 
+def _working_space(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    reason = "asked for: light is computed with its primaries" if settings.working_space else "the default"
+    return Decision("working_space", settings.working_space or "rec709", reason, fixed="--working-space")
+
+
+def _ocio(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    reason = "asked for" if settings.ocio else "the variable OCIO" if environment.has_color_config() else "the library's default"
+    return Decision("ocio", environment.color_config(settings.ocio), reason, fixed="--ocio")
+
+
+def _display(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    reason = "asked for" if settings.display else "the default: the first of the configuration, for its views alone"
+    return Decision("display", settings.display or "", reason, fixed="--display")
+
+
+def _look(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    return Decision("look", settings.look or "", "asked for" if settings.look else "none was asked for", fixed="--look")
+
+
 def _view(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     if settings.view:
         return Decision("view", settings.view, "asked for", fixed="--view")
+    if settings.ocio or settings.display or settings.look:
+        try:
+            name = color_config.opened(plan["ocio"]).default_view(plan["display"])
+        except color_config.ConfigError as fault:
+            raise PlanError(f"{fault.message}. {fault.hint}".strip(". ")) from None
+        return Decision("view", name, "the default view of the configuration's display", fixed="--view")
     if scene.photometric:
         return Decision("view", "rolloff", "some light has a unit, as for a photograph: highlights roll off", fixed="--view")
     return Decision("view", "sRGB", "the default", fixed="--view")
@@ -220,4 +246,6 @@ def _threads(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
 
 FRAMING: tuple[Rule, ...] = (_camera, _lens, _size, _crop)
 SAMPLING: tuple[Rule, ...] = (_error, _budget, _samples, _filter, _noise, _seed)
-OUTPUT: tuple[Rule, ...] = (_background, _exposure, _view, _white, _bloom, _aov, _denoise, _threads)
+OUTPUT: tuple[Rule, ...] = (
+    _background, _working_space, _exposure, _ocio, _display, _look, _view, _white, _bloom, _aov, _denoise, _threads,
+)  # fmt: skip

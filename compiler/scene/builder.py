@@ -49,8 +49,7 @@ _EXPECTED = {ir.Interpolation.FACE: "one a triangle", ir.Interpolation.VERTEX: "
 
 class SceneBuilder:
     """Collects rows and returns their indices; `finish` returns the immutable ir.Scene. Equal transforms, shapes, textures and materials
-    share one row. An invalid row is reported as a diagnostic and becomes NONE.
-    Every method accepts NONE and leaves it out.
+    share one row. An invalid row is reported as a diagnostic and becomes NONE. Every method accepts NONE and leaves it out.
     """
 
     def __init__(self, diagnostics: Diagnostics | None = None, files: Files | None = None) -> None:
@@ -72,6 +71,7 @@ class SceneBuilder:
         self._length: dict[str, int] = dict.fromkeys(self._pools, 0)
         self._colorful: list[bool] = []  # of each image: whether its channels differ
         self.single_sided: set[int] = set()  # geometries that are drawn from their front alone
+        self.is_wide = False  # whether some image has colours beyond Rec.709
         self._holes: list[bool] = []  # of each image: whether some alpha is below 1
         self.duration: float | None = None  # seconds of the animation of an imported file
         self.deviation: float | None = None  # metres: greatest distance of generated triangles from their surfaces; None: the default
@@ -420,7 +420,7 @@ class SceneBuilder:
         if self._links:
             linked = link_sets.linked(tables["instances"], tables["lights"], self._links, placed, self.diagnostics)
             tables["instances"], tables["lights"] = linked
-        return ir.Scene(name, ir.Tables(**tables), ir.Names(**named), row_tables.spans(self._spans), **about)
+        return ir.Scene(name, ir.Tables(**tables), ir.Names(**named), row_tables.spans(self._spans), is_wide=self.is_wide, **about)
 
     def _joined(self) -> tuple[np.ndarray, np.ndarray]:
         """The matrices and inverses of all transforms, (n, 3, 4) each."""

@@ -95,6 +95,7 @@ def _about(scene: ir.Scene) -> dict[str, Any]:
         "files": scene.files,
         "params": [asdict(p) for p in scene.params],
         "meters": [asdict(m) for m in scene.meters],
+        "is_wide": scene.is_wide,
     }
 
 
@@ -124,6 +125,7 @@ def _scene(arrays: Any, about: dict[str, Any]) -> ir.Scene:
         tuple(map(str, about["files"])),
         tuple(_param(p) for p in about["params"]),
         tuple(_meter(m) for m in about["meters"]),
+        bool(about.get("is_wide", False)),
     )
 
 

@@ -21,6 +21,10 @@ _TEXTURE = (
     Arg("scale", "numbers2", (1.0, 1.0), "number of repetitions over u and v", keyword=True),
     Arg("offset", "numbers2", (0.0, 0.0), "offset in u and v", keyword=True),
 )
+_SPACE = (
+    "colour space of its values: srgb, linear, rec2020, acescg, raw, or a name of OpenUSD, MaterialX or the --ocio configuration; "
+    "auto: sRGB for integers that are colours; linear for floats, of the file's chromaticities, and for numbers"
+)
 _COLORS = (
     Arg("a", "color", (0.8, 0.8, 0.8), "first colour"),
     Arg("b", "color", (0.2, 0.2, 0.2), "second colour"),
@@ -36,14 +40,7 @@ TEXTURES = (
             Arg("file", "string", REQUIRED, "file of the image, relative to the scene"),
             Arg("wrap", "choice", "repeat", "lookup outside of the image", choices=("repeat", "clamp", "mirror", "black"), keyword=True),
             Arg("filter", "choice", "linear", "interpolation between its pixels", choices=("linear", "nearest"), keyword=True),
-            Arg(
-                "space",
-                "choice",
-                "auto",
-                "encoding of its values; auto: sRGB for colours, linear for numbers",
-                choices=("auto", "srgb", "linear"),
-                keyword=True,
-            ),
+            Arg("space", "string", "auto", _SPACE, keyword=True),
             *_TEXTURE,
         ),
     ),

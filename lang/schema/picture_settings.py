@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .. import color_spaces
 from . import picture_channels
 from . import setting_values as values
 from .argument_types import Arg
@@ -88,10 +89,17 @@ _ROWS = (
     ),
     PictureSetting("exposure", values.exposure, "ev", "Stops, for 8 and 16-bit pictures; +1 is twice as bright."),
     PictureSetting("view", values.name, "NAME", "View of 8 and 16-bit pictures: standard, rolloff, agx, aces or a name of OpenColorIO."),
+    PictureSetting("ocio", values.file, "FILE", "Configuration of OpenColorIO: a file, or ocio://default. Default: $OCIO."),
+    PictureSetting("display", values.name, "NAME", "Display of that configuration, whose views are shown. Default: its first."),
+    PictureSetting("look", values.name, "NAME", "Look of that configuration, in place of the view's own."),
+    _choice(
+        "working_space", tuple(color_spaces.WORKING), "primaries in which light is computed; default: rec709",
+        "Primaries in which light is computed.",
+    ),
     PictureSetting("white", values.white, "KELVIN", "White balance: kelvin of the light that becomes white, as 4000K, or auto."),
     PictureSetting("bloom", values.share, "share", "Share of the light that the lens scatters around what is bright: 5%. Default: none."),
     _choice("filter", FILTERS, "pixel filter", ""),
 )  # fmt: skip
 PICTURE_SETTINGS = {row.name: row for row in _ROWS}
-_IN_SCENES = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background", "crop", "aov")
+_IN_SCENES = ("size", "backend", "samples", "error", "budget", "bounces", "seed", "filter", "background", "crop", "aov", "working_space")
 RENDER_ARGUMENTS = tuple(arg for name in _IN_SCENES if (arg := PICTURE_SETTINGS[name].arg))

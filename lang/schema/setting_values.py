@@ -96,6 +96,15 @@ def name(value: Any) -> str:
     return value
 
 
+def file(value: Any) -> str:
+    """The name of a file."""
+    if hasattr(value, "__fspath__"):
+        value = value.__fspath__()
+    if not isinstance(value, str) or not value:
+        raise ValueError("write the name of a file")
+    return value
+
+
 def flag(value: Any) -> bool:
     """True or False."""
     if isinstance(value, bool) or type(value).__name__ == "bool_":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +13,7 @@ from numpy.typing import DTypeLike, NDArray
 from ...compiler.io import child_process
 from ...lang.schema import setting_values
 from ...lang.schema.picture_channels import CHANNELS, CRYPTOMATTES, component_names
-from . import metrics
+from . import metrics, tone_curves
 
 WIDTHS = {"rgba": 4, **{name: len(component_names(name)) for name in CHANNELS}, **dict.fromkeys(CRYPTOMATTES, 12)}
 """Components of each channel. rgba: scene-linear, unexposed, alpha is coverage; crypto_…: see cryptomatte.py; others: see CHANNELS. Light
@@ -70,13 +70,16 @@ class Image:
 
         path, about = Path(path), self.metadata
         stops, seen = about.get("exposure", 0.0) if exposure is None else exposure, view or about.get("view", "sRGB")
+        colors = {name: str(about.get(name, "")) for name in ("ocio", "display", "look")}
+        if view is not None and view in tone_curves.CURVES:
+            colors["display"] = colors["look"] = ""
         if stops != "metered":
             stops = setting_values.exposure(stops)
-        image_files.check(path, (), bits, seen)
+        look = image_files.Look(0.0, seen, bits or 8, bool(about.get("transparent")), float(about.get("white", 0.0)), **colors)
+        image_files.check(path, (), bits, look)
         if stops == "metered":
             stops = image_files.auto_exposure(self.channels["rgba"], int(self.metadata.get("threads", 0)))
-        look = image_files.Look(float(stops), seen, bits or 8, bool(about.get("transparent")), float(about.get("white", 0.0)))
-        image_files.write(self, path, look, {"exposure": float(stops)})
+        image_files.write(self, path, replace(look, exposure=float(stops)), {"exposure": float(stops)})
 
     def show(self) -> None:
         """Open the picture in the desktop's viewer, as a temporary PNG file."""

@@ -17,10 +17,10 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ...compiler.io import library_messages
+from ...compiler.io import color_config, environment, library_messages
 from ...compiler.io.replace_file import Replacement, as_utf8
 from ...lang.schema.picture_channels import CHANNELS, LIGHT, component_names
-from . import cryptomatte, metering, png_stream, srgb, tone_curves
+from . import color_channels, cryptomatte, metering, png_stream, srgb, tone_curves
 from .srgb import encode_srgb
 
 try:
@@ -39,7 +39,6 @@ PLAIN = ("sRGB", "standard")  # views without a curve
 STARTING, WRITING_8, WRITING_16, METERING, WRITING_32 = 0.15, 1.8e-7, 6e-7, 5e-8, 1e-7
 FULL = 1 << 16  # free bytes below which a disk is full
 ABOUT = "maquette:"  # prefix of attribute names
-WORKING_SPACE = "lin_rec709_scene"  # OpenColorIO's name for scene-linear Rec.709
 
 CHANNEL_NAMES: dict[str, tuple[str, ...]] = {
     "rgba": ("R", "G", "B", "A"),
@@ -74,9 +73,25 @@ class Look:
     bits: int = 8
     alpha: bool = False  # keep coverage as the alpha channel
     white: float = 0.0  # kelvin of the light that becomes white; 0: light as it is
+    ocio: str = ""  # configuration of OpenColorIO, of a view that is not in tone_curves; "": the default
+    display: str = ""  # of that configuration; "": its first
+    look: str = ""  # of that configuration; "": the view's own
+
+    @classmethod
+    def of(cls, plan: Mapping[str, Any], exposure: float, bits: int = 8, alpha: bool | None = None) -> Look:
+        """The look of a plan, or of a picture's metadata with its names. `alpha`: by default that of a transparent background."""
+        keep = plan["background"] == "transparent" if alpha is None else alpha
+        return cls(exposure, plan["view"], bits, keep, plan["white"], plan["ocio"], plan["display"], plan["look"])
+
+    @classmethod
+    def asked(cls, settings: Any) -> Look:
+        """What ir.Settings say of the look before the scene is read; the default where its view depends on the scene."""
+        if settings.view is None:
+            return cls()
+        return cls(0.0, settings.view, ocio=settings.ocio or "", display=settings.display or "", look=settings.look or "")
 
 
-def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: str = "sRGB") -> None:
+def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, look: Look | None = None) -> None:
     """Check before rendering that a file named `path` supports the request. Raises FormatError."""
     suffix = path.suffix.lower()
     if suffix not in LINEAR and suffix not in DEPTHS:
@@ -88,8 +103,26 @@ def check(path: Path, aov: tuple[str, ...] = (), bits: int | None = None, view: 
         raise FormatError(f"{suffix} files have {DEPTHS[suffix][0]} bits a channel, not {bits}; .png and .tif have 16")
     if aov and suffix not in LINEAR:
         raise FormatError(f"{path.name} has no room for the channels {', '.join(aov)}: write an .exr")
-    if view not in tone_curves.CURVES and view not in views():
-        raise FormatError(f"no view is called `{view}`; there are: {', '.join(views())}")
+    _check_look(look or Look())
+
+
+def _check_look(look: Look) -> None:
+    """Raise FormatError for a view, display or look that does not exist."""
+    curve = look.view in tone_curves.CURVES
+    if curve and (look.display or look.look):
+        what = f"the display `{look.display}`" if look.display else f"the look `{look.look}`"
+        raise FormatError(f"{what} has no view `{look.view}`, which is sRGB by a closed form: leave one of them out")
+    if curve:
+        return
+    try:
+        config = color_config.opened(environment.color_config(look.ocio))
+        if not look.display or look.display in config.displays:
+            known = views(look.ocio, look.display)
+            if look.view not in known:
+                raise FormatError(f"no view is called `{look.view}`; there are: {', '.join(known)}")
+        config.check(look.display, look.view, look.look)
+    except color_config.ConfigError as fault:
+        raise FormatError(f"{fault.message}{f'; {fault.hint}' if fault.hint else ''}") from None
 
 
 def write(picture: Picture, path: Path, look: Look, about: Mapping[str, str | int | float], threads: int = 0) -> None:
@@ -184,13 +217,26 @@ class Strips:
             for key, value in picture.metadata.get("attributes", {}).items():
                 spec.attribute(key, value)
             _place(spec, picture)
-        spec.attribute("oiio:ColorSpace", WORKING_SPACE if linear else "srgb_rec709_scene")
+        self._add_space(spec, picture, linear)
         spec.attribute("oiio:UnassociatedAlpha", 0 if linear else 1)
         spec.attribute("Software", f"maquette {self.about.get('version', '')}".strip())
         spec.attribute("ImageDescription", as_utf8(str(self.about.get("command", ""))))
         for key, value in self.about.items():
             spec.attribute(f"{ABOUT}{key}", as_utf8(str(value)) if isinstance(value, str) or not linear else value)
         return spec
+
+    def _add_space(self, spec: Any, picture: Picture, linear: bool) -> None:
+        """Name the colour space of the file."""
+        if linear:
+            name, chromaticities = color_channels.file_space(picture.metadata)
+            spec.attribute("oiio:ColorSpace", name)
+            spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), chromaticities)
+            return
+        name = "srgb_rec709_scene"
+        if self.look.view not in tone_curves.CURVES:
+            name = color_config.opened(environment.color_config(self.look.ocio)).encoding(self.look.display, self.look.view)
+        if name:
+            spec.attribute("oiio:ColorSpace", name)
 
     def _shown_look(self) -> Look:
         return self.look if self.path.suffix.lower() in WITH_ALPHA else replace(self.look, alpha=False)
@@ -286,10 +332,9 @@ def auto_exposure(rgba: NDArray[np.floating], threads: int = 0) -> float:
     return metering.exposure(counts)
 
 
-def views() -> tuple[str, ...]:
-    """Return the names of views: those of tone_curves, and of the default display in OpenColorIO's configuration ($OCIO or its own)."""
-    config = oiio.ColorConfig()
-    return (*tone_curves.CURVES, *config.getViewNames(config.getDefaultDisplayName()))
+def views(ocio: str = "", display: str = "") -> tuple[str, ...]:
+    """Return the names of views: those of tone_curves, and of a display of a configuration. Raises color_config.ConfigError."""
+    return (*tone_curves.CURVES, *color_config.opened(environment.color_config(ocio)).views(display))
 
 
 def _all_names(picture: Picture) -> tuple[str, ...]:
@@ -302,7 +347,8 @@ def _names_of(channel: str) -> tuple[str, ...]:
 
 
 def _all_channels(picture: Picture) -> NDArray[np.float32]:
-    parts = [np.asarray(picture.channels[channel], dtype=np.float32) for channel in _ordered(picture)]
+    of_file = color_channels.of_file(picture.channels, picture.metadata)
+    parts = [np.asarray(of_file[channel], dtype=np.float32) for channel in _ordered(picture)]
     return np.ascontiguousarray(np.concatenate(parts, axis=2))
 
 
@@ -331,7 +377,7 @@ def display(rgba: NDArray[np.float32], look: Look) -> NDArray[Any]:
         rgb = rgb / np.where(alpha > 0, alpha, 1.0)
     if look.white:
         rgb = rgb @ tone_curves.white_balance(look.white).T
-    shown = _viewed(rgb, look.view)
+    shown = _viewed(rgb, look)
     if keep:
         shown = np.concatenate([shown, alpha], axis=2)
     kind, top = (np.uint8, 255) if look.bits == 8 else (np.uint16, 65535)
@@ -364,12 +410,10 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _viewed(rgb: NDArray[np.float64], view: str) -> NDArray[np.float64]:
-    if view in tone_curves.CURVES or rgb.size == 0:
-        return tone_curves.CURVES.get(view, encode_srgb)(rgb)
-    display = oiio.ColorConfig().getDefaultDisplayName()
-    source = oiio.ImageBuf(np.ascontiguousarray(np.nan_to_num(rgb, nan=0.0, posinf=65504.0, neginf=0.0), dtype=np.float32))
-    shown = oiio.ImageBufAlgo.ociodisplay(source, display, view, WORKING_SPACE, "", False)
-    if shown.has_error:
-        raise FormatError(f"the view `{view}` failed: {shown.geterror()}")
-    return np.clip(np.asarray(shown.get_pixels(oiio.FLOAT), dtype=np.float64).reshape(rgb.shape), 0.0, 1.0)
+def _viewed(rgb: NDArray[np.float64], look: Look) -> NDArray[np.float64]:
+    if look.view in tone_curves.CURVES or rgb.size == 0:
+        return tone_curves.CURVES.get(look.view, encode_srgb)(rgb)
+    try:
+        return color_config.opened(environment.color_config(look.ocio)).show(rgb, look.display, look.view, look.look)
+    except color_config.ConfigError as fault:
+        raise FormatError(fault.message) from None

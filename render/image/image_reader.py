@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...compiler.io import library_messages, picture_contents
 from ...compiler.io.regular_files import is_regular
 from ...lang.schema.picture_channels import LIGHT
+from . import color_channels
 from . import image as images
 from .image_files import ABOUT, CHANNEL_NAMES, FormatError
 from .srgb import decode_srgb
@@ -23,10 +24,10 @@ from .srgb import decode_srgb
 def read(path: Path) -> images.Image:
     """Read a picture in any format of OpenImageIO, as scene-linear rgba with associated alpha (1 without an alpha channel).
 
-    Integer files are sRGB with unassociated alpha, float files are linear. Other channels that maquette writes are read, too. metadata:
-    "size" of the whole picture and "crop" in it, "bits" a channel (0 for floats), "alpha": whether it has alpha, "about": the texts
-    that `write` got, and "faults": (message, hint) of all that is missing, not read, or read by a guess. Raises FormatError if the file
-    is missing or not a picture.
+    Integer files are sRGB with unassociated alpha, float files are linear, of their chromaticities. Other channels that maquette writes
+    are read, too. metadata: "size" of the whole picture and "crop" in it, "bits" a channel (0 for floats), "alpha": whether it has alpha,
+    "about": the texts that `write` got, and "faults": (message, hint) of all that is missing, not read, or read by a guess. Raises
+    FormatError if the file is missing or not a picture.
     """
     configuration = oiio.ImageSpec()
     configuration.attribute("oiio:UnassociatedAlpha", 1)
@@ -63,7 +64,8 @@ def _as_image(
         inks = inks * 3 if len(inks) == 1 else [*inks, np.zeros(pixels.shape[:2])][:3]
         rgb = np.stack(inks, axis=2).astype(np.float64)
     alpha = pixels[..., [alpha_at]].astype(np.float64) if alpha_at >= 0 else np.ones_like(rgb[..., :1])
-    if spec.format.basetype in (oiio.UINT8, oiio.UINT16):
+    integers = spec.format.basetype in (oiio.UINT8, oiio.UINT16)
+    if integers:
         rgb = decode_srgb(rgb) * alpha
     channels = {"rgba": np.concatenate([rgb, alpha], axis=2).astype(np.float32)}
     for channel, parts in CHANNEL_NAMES.items():
@@ -73,6 +75,8 @@ def _as_image(
         if part.startswith("light_") and part.endswith(".R"):
             layer = part.removesuffix(".R")
             channels[LIGHT + layer.removeprefix("light_")] = pixels[..., [names.index(f"{layer}.{c}") for c in "RGB"]]
+    if odd := color_channels.from_file(channels, None if integers else picture_contents.chromaticities(spec)):
+        faults = (*faults, (f"the chromaticities of the picture {odd}", "write x and y of red, green, blue and white"))
     return images.Image(spec.width, spec.height, channels, {**_read_about(spec), "alpha": alpha_at >= 0, "faults": faults})
 
 

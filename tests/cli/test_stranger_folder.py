@@ -114,6 +114,8 @@ def test_folders_that_depend_on_the_current_one_are_left_out(monkeypatch: pytest
     full = os.path.abspath(os.sep + "plugins")
     monkeypatch.setenv("PXR_PLUGINPATH_NAME", os.pathsep.join(["plugins", full, ""]))
     monkeypatch.setenv("OIIO_LIBRARY_PATH", ".")
+    monkeypatch.setenv("OCIO", "ocio://default")
+    assert import_path.environment()["OCIO"] == "ocio://default"
     monkeypatch.setenv("OCIO", "config.ocio")
     found = import_path.environment()
     assert found["PXR_PLUGINPATH_NAME"] == full

@@ -16,6 +16,7 @@ from .. import images
 from . import stage
 from .assets import asset, contents
 from .materials import Materials
+from .shaders import materialx
 
 # The IR's area lights lie in y = 0 of their frame and emit to +y; USD's lie in z = 0 and emit to −z.
 TURNED = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -113,12 +114,13 @@ def texture(prim: Any, time: Any, builder: SceneBuilder, materials: Materials, s
         return None
     try:
         name = Path(picture.path).name
-        decoded = images.read(contents(picture.path), name)
+        space = materialx.attribute_space(prim.GetAttribute("inputs:texture:file"), builder.files.colors, materials.tell)
+        decoded = images.read(contents(picture.path), name, space, config=builder.files.colors)
     except (images.ImageError, OSError) as failure:
         builder.diagnostics.warning(str(failure), span, getattr(failure, "hint", ""))
         return None
     decoded.warn(name, builder.diagnostics, span)
-    return _shrunk(_shrunk(decoded.texels[..., :3].astype(np.float64)).swapaxes(0, 1)).swapaxes(0, 1)
+    return _shrunk(_shrunk(np.maximum(decoded.texels[..., :3], 0.0).astype(np.float64)).swapaxes(0, 1)).swapaxes(0, 1)
 
 
 def _shrunk(texels: F64) -> F64:

@@ -24,6 +24,7 @@ from .assets import Asset, asset, contents
 from .light_plates import TURNED, rigid
 from .materials import Materials
 from .pictures import dome_pictures
+from .shaders import materialx
 from .stage import Opened
 
 _LINE = 1e-3  # radius of a CylinderLight with treatAsLine, over its length
@@ -235,12 +236,14 @@ def _dome_image(it: _Light, file: Asset, builder: SceneBuilder, materials: Mater
     """The row of a dome's picture, resampled if its layout is not latitude–longitude; `automatic` is. Raises ImageError and OSError."""
     attribute = it.prim.GetAttribute("inputs:texture:format")
     layout = str(attribute.Get(it.opened.time)) if attribute else "automatic"
+    space = materialx.attribute_space(it.prim.GetAttribute("inputs:texture:file"), builder.files.colors, materials.tell)
     if layout not in dome_pictures.LAYOUTS:
         if layout not in ("automatic", "latlong", "None"):
             materials.tell(f"the dome's format `{layout}` is read as latlong", it.prim)
-        return file.row(builder, "auto", span=it.span)
-    decoded = images.read(contents(file.path), Path(file.path).name)
+        return file.row(builder, space, span=it.span)
+    decoded = images.read(contents(file.path), Path(file.path).name, space, config=builder.files.colors)
     decoded.warn(Path(file.path).name, builder.diagnostics, it.span)
+    builder.is_wide |= decoded.is_wide
     image = dome_pictures.latitude_longitude(decoded.texels, layout)
     return builder.shared(("dome", file.path, layout), lambda: builder.image(image, file.path))
 

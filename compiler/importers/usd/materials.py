@@ -37,7 +37,6 @@ DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
 _WRAPS = {"repeat": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "black": ir.Wrap.BLACK, "useMetadata": ir.Wrap.BLACK}
 _WRAPS |= materialx.WRAPS
 _CONTEXTS = ("", "mtlx", "arnold")  # render contexts in which a surface is looked for
-_SPACES = {"raw": "linear", "sRGB": "srgb", "auto": "auto"}
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _FALLBACKS: dict[str, Any] = {
     "diffuseColor": DEFAULT_COLOR, "emissiveColor": (0.0, 0.0, 0.0), "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0,
@@ -312,7 +311,7 @@ class Materials:
 
     def _space(self, picture: Picture) -> str:
         written = self.sources.text(picture.shader, "sourceColorSpace")
-        return _SPACES.get(written, "auto") if written else materialx.color_space(picture.shader)
+        return materialx.color_space(picture.shader, written, self.builder.files.colors, self.tell)
 
     def _mapping(self, picture: Picture, file: Asset, frame: Any, channel: int) -> TextureData:
         """Wrap modes, frame, channel, gain and bias of a picture, without its image."""
@@ -340,7 +339,7 @@ class Materials:
             return 0.0
         try:
             space = self._space(source)
-            decoded = images.read(contents(file.path), Path(file.path).name, "linear" if space == "auto" else space)
+            decoded = images.read(contents(file.path), Path(file.path).name, "linear" if space == "auto" else space, color=False)
         except (images.ImageError, OSError) as failure:
             self.tell(str(failure), source.shader.GetPrim())
             return 0.0

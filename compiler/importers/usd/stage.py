@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 
-from ....lang import file_types, foreign_formats
+from ....lang import color_spaces, file_types, foreign_formats
 from ....lang.diagnostics import Diagnostics, Span, suggest
+from ...io import color_encoding
 from ...io.sandbox import Files
 from ..stage_options import StageOptions
 from .instancing import prototypes
@@ -124,7 +125,6 @@ def numbers(attribute: Any, time: Any, dtype: type, width: int = 0) -> np.ndarra
 
 _LINEAR = Gf.ColorSpace(Gf.ColorSpaceNames.LinearRec709)
 _SAME_SPACES = ("", "lin_rec709_scene", "lin_rec709", "lin_srgb", "raw", "data", "identity", "unknown", "auto")
-_OTHER_NAMES = {"sRGB": "srgb_rec709_scene", "srgb": "srgb_rec709_scene", "srgb_texture": "srgb_rec709_scene", "acescg": "lin_ap1_scene"}
 
 
 def fitted_counts(counts: np.ndarray, total: int, words: tuple[str, str, str], diagnostics: Diagnostics, span: Span) -> np.ndarray:
@@ -150,10 +150,14 @@ def linear(attribute: Any, values: np.ndarray) -> np.ndarray:
         return values
     space = Usd.ColorSpaceAPI.ComputeColorSpace(attribute, None)
     if not str(space.GetName()):
-        if name not in _OTHER_NAMES and not Gf.ColorSpace.IsValid(name):
+        if color_spaces.find(name) is not None:
+            encoding = color_encoding.find(name, False)
+            flat = encoding.linear(np.asarray(values, np.float64)).reshape(-1, 3)
+            return encoding.convert(flat).astype(values.dtype).reshape(values.shape)
+        if not Gf.ColorSpace.IsValid(name):
             Tf.Warn(f"the colour space `{name}` of <{attribute.GetPath()}> is not known: its colours are drawn as they are")
             return values
-        space = Gf.ColorSpace(_OTHER_NAMES.get(name, name))
+        space = Gf.ColorSpace(name)
     colors = Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1))
     space.ConvertRGBSpan(_LINEAR, colors)
     return np.array(colors, values.dtype).reshape(values.shape)

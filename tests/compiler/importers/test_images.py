@@ -23,8 +23,8 @@ def linear(value: float) -> float:
 
 def read(path: Path, space: str = "auto", odd: int = 0) -> np.ndarray:
     """Read from disk, checked to be the same from memory; `odd` pixels are not finite."""
-    made, found, faults = images.read(str(path), path.name, space)
-    held, again, _ = images.read(path.read_bytes(), path.name, space)
+    made, found, faults, _ = images.read(str(path), path.name, space)
+    held, again, _, _ = images.read(path.read_bytes(), path.name, space)
     assert np.array_equal(made, held)
     assert found == again == odd
     assert faults == ()
@@ -128,7 +128,7 @@ def test_the_data_window_of_an_exr_lies_in_its_display_window(tmp_path, window, 
     assert out.open(str(tmp_path / "a.exr"), spec)
     assert out.write_image(np.ones((height, width, 3), np.float32))
     out.close()
-    texels, _, _ = images.read(str(tmp_path / "a.exr"), "a.exr")
+    texels, _, _, _ = images.read(str(tmp_path / "a.exr"), "a.exr")
     assert texels[..., 0].tolist() == expected
     assert texels[..., 3].tolist() == expected
 

@@ -242,7 +242,7 @@ def test_other_views_come_from_opencolorio(tmp_path: Path) -> None:
     assert "Raw" in image_files.views()
     image_files.write(picture([[[0.5, 0.25, 1.0, 1.0]]]), tmp_path / "raw.png", raw_view, ABOUT)
     assert raw(tmp_path / "raw.png")[1].tolist() == [[[128, 64, 255]]]
-    image_files.check(tmp_path / "x.png", view="Raw")
+    image_files.check(tmp_path / "x.png", look=raw_view)
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,7 @@ def test_what_no_file_can_hold(name: str, more: dict[str, object], message: str)
 
 def test_an_unknown_view_is_answered_with_the_known_ones() -> None:
     with pytest.raises(image_files.FormatError) as error:
-        image_files.check(Path("x.png"), view="Agx")
+        image_files.check(Path("x.png"), look=image_files.Look(view="Agx"))
     assert str(error.value) == f"no view is called `Agx`; there are: {', '.join(image_files.views())}"
 
 

@@ -56,17 +56,19 @@ class Tiles:
         Tiles have the size of the largest, less where all images of the scene would be too big. Raises ImageError.
         """
         space = "linear" if space == "auto" and not color else space
-        key = ("udim", self.name, self.paths, space, missing)
-        return builder.shared(key, lambda: builder.image(self._texels(builder, space, source, span, missing), self.name))
+        key = ("udim", self.name, self.paths, space, color, missing)
+        return builder.shared(key, lambda: builder.image(self._texels(builder, (space, color), source, span, missing), self.name))
 
     def _texels(
-        self, builder: SceneBuilder, space: str, source: Callable[[str], str | bytes], span: Span | None, missing: tuple[float, ...]
+        self, builder: SceneBuilder, how: tuple[str, bool], source: Callable[[str], str | bytes], span: Span | None,
+        missing: tuple[float, ...],
     ) -> np.ndarray:  # fmt: skip
         left, low, columns, rows = self._corner()
         tiles, largest = [], max(_room(builder) // (columns * rows), 1)
         for n, path in self.paths:
             name = path.rsplit("/", 1)[-1]
-            decoded = images.read(source(path), name, space)
+            decoded = images.read(source(path), name, how[0], images.MAX_TEXELS, how[1], builder.files.colors)
+            builder.is_wide |= decoded.is_wide
             decoded.warn(name, builder.diagnostics, span)
             tiles.append((n, self._fitting(decoded.texels, largest, builder, span)))
         height, width = (max(texels.shape[axis] for _, texels in tiles) for axis in (0, 1))

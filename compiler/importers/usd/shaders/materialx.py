@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from .... import ir
+from ....io import color_encoding
+from ....io.color_config import Config
 from .network import Graph, Picture, Primvar
 
 
@@ -169,9 +171,24 @@ def tiling(node: Any, source: Source) -> np.ndarray:
     return np.array([[tx, 0.0, -ox], [0.0, ty, -oy], [0.0, 0.0, 1.0]])
 
 
-def color_space(node: Any) -> str:
-    """The colour space in the metadata of a node's file: "srgb", "linear" or, without one, "auto"."""
+def color_space(node: Any, written: str, config: Config | None, tell: Callable[[str, Any], None]) -> str:
+    """The colour space of a node's picture, as color_encoding.find takes it: `written`, or that in the metadata of its file.
+
+    One that is not known is "auto", after a warning.
+    """
     file_input = node.GetInput("file")
     names = [str(attribute.GetColorSpace()) for attribute in file_input.GetValueProducingAttributes()] if file_input else []
-    name = next((n for n in names if n), "")
-    return "auto" if not name or name == "auto" else "srgb" if name.lower().startswith("srgb") else "linear"
+    name = next((n for n in (written, *names) if n), "auto")
+    return _known(name, config, tell, node.GetPrim())
+
+
+def attribute_space(attribute: Any, config: Config | None, tell: Callable[[str, Any], None]) -> str:
+    """The colour space in the metadata of a file's attribute, likewise."""
+    return _known(str(attribute.GetColorSpace()) or "auto", config, tell, attribute.GetPrim())
+
+
+def _known(name: str, config: Config | None, tell: Callable[[str, Any], None], prim: Any) -> str:
+    if color_encoding.is_known(name, config):
+        return name
+    tell(f"the colour space `{name}` is not known: its picture is read as `auto` says", prim)
+    return "auto"

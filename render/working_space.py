@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiler import ir
-from ..compiler.formula.builder import Builder
 from ..compiler.formula.opcodes import Op
-from ..compiler.formula.tape import Tape, load_tape
+from ..compiler.formula.tape import INPUTS, Tape, load_tape
 from ..compiler.io.color_encoding import multiplied
 from ..compiler.plan.decision import Plan, PlanError
+from ..compiler.texture_graph import opcodes
 from ..lang import color_spaces
 
 Slot, Model, Kind = ir.Slot, ir.MaterialModel, ir.TextureKind
@@ -117,6 +117,7 @@ class _Conversion:
         as_number = np.zeros(len(used.kind), bool)
         as_number[rows[~colors & (rows >= 0)]] = True
         as_number[old.media.density[old.media.density >= 0]] = True
+        as_number[self._looked_up()] = True  # the result of the tape is converted
         first = len(used.kind)
         shared = np.flatnonzero(as_color & as_number)
         new_row = np.arange(first)
@@ -133,6 +134,14 @@ class _Conversion:
             lights=old.lights._replace(image=_frozen(light_images)),
             materials=old.materials._replace(values=_frozen(values), textures=_frozen(textures)),
         )  # fmt: skip
+
+    def _looked_up(self) -> list[int]:
+        """The rows of textures whose pictures tapes of texture graphs look up."""
+        rows: list[int] = []
+        for tape in np.unique(self._tables.textures.tape[self._tables.textures.tape >= 0]).tolist():
+            loaded = load_tape(self._tables, tape)
+            rows += loaded.constants[~loaded.code[loaded.code[:, 0] == opcodes.Op.LOOK_UP, 3]].astype(int).tolist()
+        return rows
 
     def _images(self, textures: dict[str, NDArray[Any]], converted: NDArray[np.bool_]) -> tuple[ir.Images, NDArray[Any], NDArray[Any]]:
         """(Images, the column of Textures, the column of Lights): pictures that are used both ways are there twice."""
@@ -196,16 +205,21 @@ def _absorption(coefficients: F64, matrix: F64) -> F64:
 
 def _times_matrix(tape: Tape, matrix: F64) -> Tape:
     """A tape whose three results are multiplied by a matrix."""
-    if len(tape.code) + _ADDED > MOST_ROWS:
-        most = MOST_ROWS - _ADDED
+    most = (opcodes.MOST_ROWS if opcodes.is_graph(tape.code, tape.results) else MOST_ROWS) - _ADDED
+    if len(tape.code) > most:
         raise PlanError(f"a pattern has {len(tape.code)} operations: with a working space at most {most} are drawn; leave it out")
-    builder, results = Builder.from_tape(tape)
+    code, constants = tape.code.tolist(), [*tape.constants.tolist(), *matrix.ravel().tolist()]
+    first = len(tape.constants)
 
-    def row_sum(row: F64) -> int:
-        terms = [builder.op(Op.MULTIPLY, name, builder.constant(float(factor))) for name, factor in zip(results, row, strict=True)]
-        return builder.op(Op.ADD, builder.op(Op.ADD, terms[0], terms[1]), terms[2])
+    def add(op: Op, a: int, b: int) -> int:
+        code.append([int(op), a, b, 0])
+        return INPUTS + len(code) - 1
 
-    return builder.finish(*[row_sum(row) for row in matrix])
+    results = []
+    for k in range(3):
+        r, g, b = (add(Op.MULTIPLY, tape.results[j], ~(first + 3 * k + j)) for j in range(3))
+        results.append(add(Op.ADD, add(Op.ADD, r, g), b))
+    return Tape(np.array(code, np.int32), np.array(constants, np.float64), tuple(results))
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

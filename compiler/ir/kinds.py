@@ -116,9 +116,10 @@ class Slot(Kind):
 
 
 SLOTS = len(Slot)
-COLOR_SLOTS = frozenset(
-    (Slot.AMBIENT, Slot.DIFFUSE, Slot.SPECULAR, Slot.REFLECTION, Slot.TRANSMISSION, Slot.EMISSION, Slot.EDGE, Slot.SHEEN)
-) | {Slot.DIFFUSE_TRANSMISSION}  # that are colours of light or reflectance; AMBIENT of principled ones is a number
+COLOR_SLOTS = frozenset((
+    Slot.AMBIENT, Slot.DIFFUSE, Slot.SPECULAR, Slot.REFLECTION, Slot.TRANSMISSION, Slot.EMISSION, Slot.EDGE, Slot.SHEEN,
+    Slot.DIFFUSE_TRANSMISSION, Slot.COAT_COLOR, Slot.FUZZ_COLOR, Slot.TRANSMISSION_COLOR, Slot.SUBSURFACE_COLOR,
+))  # colours of light or reflectance; AMBIENT of principled materials is a number
 
 
 class TextureKind(Kind):

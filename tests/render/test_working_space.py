@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import maquette
@@ -10,6 +11,9 @@ import OpenImageIO as oiio
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.plan.plan import PlanError
+from maquette.compiler.scene import validate
+from maquette.compiler.texture_graph.graph_builder import GraphBuilder
+from maquette.compiler.texture_graph.opcodes import U, V
 from maquette.lang import color_spaces
 from maquette.render import working_space
 from maquette.render.image import image_files, image_reader
@@ -103,6 +107,9 @@ def test_each_slot_is_a_colour_or_a_number() -> None:
     numbers = {
         ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS,
         ir.Slot.NORMAL, ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS, ir.Slot.RADIUS,
+        ir.Slot.BASE_WEIGHT, ir.Slot.DIFFUSE_ROUGHNESS, ir.Slot.SPECULAR_WEIGHT, ir.Slot.ANISOTROPY, ir.Slot.ROTATION, ir.Slot.COAT_IOR,
+        ir.Slot.COAT_ANISOTROPY, ir.Slot.COAT_ROTATION, ir.Slot.COAT_DARKENING, ir.Slot.FUZZ, ir.Slot.FUZZ_ROUGHNESS, ir.Slot.FILM,
+        ir.Slot.FILM_THICKNESS, ir.Slot.FILM_IOR, ir.Slot.TRANSMISSION_WEIGHT, ir.Slot.SUBSURFACE_WEIGHT, ir.Slot.THIN_WALLED,
     }  # fmt: skip
     coefficients = {ir.Slot.ABSORPTION}
     assert set(ir.Slot) == ir.COLOR_SLOTS | numbers | coefficients
@@ -201,3 +208,24 @@ def test_the_greatest_pattern(tmp_path: Path) -> None:
             working_space.scene_in(scene, _plan(scene, "acescg"))
     else:
         assert int(working_space.scene_in(scene, _plan(scene, "acescg"))[0].tables.tapes.count.max()) <= tape + 15
+
+
+def test_graphs_of_textures(tmp_path: Path) -> None:
+    """A tape that looks a picture up gives Rec.709; the picture stays as it is, and its result is converted."""
+    write_picture(tmp_path / "a.exr", COLOR)
+    scene = maquette.load_text(SCENE.replace("MATERIAL", 'lambert(image("a.exr"))'), tmp_path)
+    builder = GraphBuilder()
+    tape = builder.finish(*builder.look_up(0, U, V)[:3])
+    t, first = scene.tables, len(scene.tables.pools.code)
+    tapes = {"first": [first], "count": [len(tape.code)], "first_constant": [len(t.pools.constants)], "constant_count": [1],
+             "results": [[*tape.results, 0]], "result_count": [3]}  # fmt: skip
+    pools = t.pools._replace(code=np.concatenate([t.pools.code, tape.code]), constants=np.append(t.pools.constants, tape.constants))
+    columns = {name: np.concatenate([column, column]) for name, column in t.textures._asdict().items()}
+    columns["kind"][1], columns["tape"][1], columns["image"][1] = ir.TextureKind.FORMULA, 0, -1
+    slots = np.where(t.materials.textures >= 0, 1, -1).astype(np.int32)
+    tables = t._replace(pools=pools, tapes=ir.table_of("tapes", tapes), textures=ir.table_of("textures", columns))
+    graph = replace(scene, tables=tables._replace(materials=t.materials._replace(textures=slots)))
+    assert validate.validate(graph)[1] is not None
+    for backend in ("reference", "ray"):
+        picture = np.asarray(maquette.render(graph, working_space="acescg", backend=backend, threads=1))
+        assert picture[1, 1, :3] == pytest.approx(product("acescg", COLOR, LIGHT), abs=2e-6)

@@ -22,10 +22,10 @@ from ..materialx import library
 from ..materialx.evaluator import Evaluator, Names, NotDrawn
 from ..materialx.graph import Node, Port
 from .assets import asset
+from .shaders import materialx
 from .shaders.network import Fit, Graph
 from .stage import Warnings, primvar_mean
 
-_SPACES = {"sRGB": "srgb", "raw": "linear", "auto": "auto"}
 _BUMP_SCALE = 1.0 / 16.0  # MaterialX' factor of heights
 _STEP = 1.0 / 1024.0  # of u and v, of slopes
 MIXED = "the texture coordinates `{}` have no affine map from the first ones: these are drawn"
@@ -49,7 +49,8 @@ class FileHost:
             return None
         color = "_color" in node.definition
         try:
-            row = opened.row(self.builder, space_of(file, color), color, self.warnings.opened.span(node.place))
+            space = materialx.known_space(file.space or "auto", self.builder.files.colors, self.tell, node.place) if color else "linear"
+            row = opened.row(self.builder, space, color, self.warnings.opened.span(node.place))
         except images.ImageError as failure:
             self.builder.diagnostics.warning(failure.message, self.warnings.opened.span(node.place), failure.hint)
             return None
@@ -76,14 +77,6 @@ class FileHost:
 
     def tell(self, message: str, place: Any) -> None:
         self.warnings.tell(message, place)
-
-
-def space_of(file: Port, color: bool) -> str:
-    """The colour space of a picture: "srgb", "linear" or, without one, "auto"."""
-    if not color:
-        return "linear"
-    name = file.space.lower()
-    return "auto" if not name or name == "auto" else "srgb" if name.startswith("srgb") else "linear"
 
 
 def row(host: FileHost, graph: Graph, count: int, span: Span) -> int:

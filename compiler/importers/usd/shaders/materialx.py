@@ -172,22 +172,19 @@ def tiling(node: Any, source: Source) -> np.ndarray:
 
 
 def color_space(node: Any, written: str, config: Config | None, tell: Callable[[str, Any], None]) -> str:
-    """The colour space of a node's picture, as color_encoding.find takes it: `written`, or that in the metadata of its file.
-
-    One that is not known is "auto", after a warning.
-    """
+    """The colour space of a node's picture, `written` or that in the metadata of its file; see known_space."""
     file_input = node.GetInput("file")
     names = [str(attribute.GetColorSpace()) for attribute in file_input.GetValueProducingAttributes()] if file_input else []
-    name = next((n for n in (written, *names) if n), "auto")
-    return _known(name, config, tell, node.GetPrim())
+    return known_space(next((n for n in (written, *names) if n), "auto"), config, tell, node.GetPrim())
 
 
 def attribute_space(attribute: Any, config: Config | None, tell: Callable[[str, Any], None]) -> str:
     """The colour space in the metadata of a file's attribute, likewise."""
-    return _known(str(attribute.GetColorSpace()) or "auto", config, tell, attribute.GetPrim())
+    return known_space(str(attribute.GetColorSpace()) or "auto", config, tell, attribute.GetPrim())
 
 
-def _known(name: str, config: Config | None, tell: Callable[[str, Any], None], prim: Any) -> str:
+def known_space(name: str, config: Config | None, tell: Callable[[str, Any], None], prim: Any) -> str:
+    """A colour space as color_encoding.find takes it: one that is not known is "auto", after a warning."""
     if color_encoding.is_known(name, config):
         return name
     tell(f"the colour space `{name}` is not known: its picture is read as `auto` says", prim)

@@ -27,7 +27,8 @@ from ..common.replacements import Replacements
 from . import graph_textures, sources
 from .assets import Asset, asset, contents
 from .audit import Audit
-from .shaders import materialx, scattering
+from .shaders import closures, materialx, scattering, slabs
+from .shaders.arithmetic import Arithmetic
 from .shaders.network import Fit, Graph, Network, Picture, Primvar
 from .sources import Sources
 from .stage import Opened, Warnings, primvar_mean
@@ -107,9 +108,17 @@ class Materials:
             self.tell(f"the material has {what}: its prims show their displayColor", prim)
             return None
         kind = shader.GetIdAttr().Get()
+        if kind in slabs.SHADERS:
+            arithmetic = Arithmetic(self.sources.graphs)
+            mapped = slabs.surface(shader, kind, self.sources.source, arithmetic, lambda message: self.tell(message, shader.GetPrim()))
+            return Network(str(prim.GetPath()), str(prim.GetName()), {**mapped, "displacement": 0.0})
         if kind in materialx.MODELS:
             mapped = materialx.surface(shader, kind, self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **mapped, "displacement": 0.0})
+        if kind in closures.SURFACES and not (kind == scattering.GRAPH and scattering.is_plain(shader)):
+            node = self.sources.graphs.node(shader)
+            read = closures.Closures(self.sources.graphs, lambda message: self.tell(message, shader.GetPrim())).read(node)
+            return Network(str(prim.GetPath()), str(prim.GetName()), {**read, "displacement": 0.0})
         if kind == scattering.GRAPH:
             graph = scattering.Graph(self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **graph.read(shader), "displacement": 0.0})
@@ -163,6 +172,13 @@ class Materials:
     def _row(self, network: Network, prim: Any, fit: Fit) -> int:
         i, self._fit, self._plain = network.inputs, fit, next(iter(network.varnames), "st")
         normal, bump = self._normals(i["normal"], prim)
+        span = Span(f"{self.opened.name}<{network.path}>")
+        if slabs.KEY in i:
+            reader = _Reader(self, prim)
+            maps = {slot: each for slot, each in ((ir.Slot.NORMAL, normal), (ir.Slot.BUMP, bump)) if each is not None}
+            arithmetic, metres = Arithmetic(self.sources.graphs), self.opened.meters_per_unit
+            rows = slabs.Rows(reader, arithmetic, network.name, span, metres, maps, prim, reader.tell)
+            return rows.row({**i, "base_color": WHITE} if fit.colored else i, self._opacity(i["opacity"], prim))
         diffuse = Input(WHITE) if fit.colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
@@ -176,7 +192,6 @@ class Materials:
             sheen=self._color(i.get("sheenColor", BLACK), BLACK, prim),
             sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), transmission=0.0, name=network.name, **numbers,
         )  # fmt: skip
-        span = Span(f"{self.opened.name}<{network.path}>")
         if not i.keys() & {"subsurface", "transmissionColor"}:
             return self.builder.material(metallic_roughness.material(surface), span)
         lengths = tuple(self.opened.meters_per_unit * length for length in i.get("subsurfaceRadius", WHITE))
@@ -361,6 +376,30 @@ class Materials:
 
     def _picture(self, picture: Picture) -> Asset | None:
         return None if (file := self.file(picture)) is None else file.among(self._fit.tiles)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Inputs of the rows of slabs of a prim."""
+
+    materials: Materials
+    prim: Any
+
+    @property
+    def builder(self) -> SceneBuilder:
+        return self.materials.builder
+
+    def color(self, source: Any, fallback: Color) -> Input:
+        return self.materials._color(source, fallback, self.prim)
+
+    def number(self, source: Any, fallback: float) -> Input:
+        return self.materials._number(source, fallback, self.prim)
+
+    def constant(self, source: Any, fallback: float) -> float:
+        return self.materials._mean_of(source, fallback, self.prim)
+
+    def tell(self, message: str) -> None:
+        self.materials.tell(message, self.prim)
 
 
 def _purpose(relation: str) -> str:

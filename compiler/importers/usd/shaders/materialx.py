@@ -27,35 +27,7 @@ class Model:
     body: dict[str, tuple[str, Any]] = field(default_factory=dict)  # where light scatters inside: see scattering.py
 
 
-_STANDARD = Model(
-    {
-        "diffuseColor": ("base_color", (0.8, 0.8, 0.8)), "metallic": ("metalness", 0.0), "roughness": ("specular_roughness", 0.2),
-        "ior": ("specular_IOR", 1.5), "clearcoat": ("coat", 0.0), "clearcoatRoughness": ("coat_roughness", 0.1),
-        "emissiveColor": ("emission_color", (1.0, 1.0, 1.0)), "opacity": ("opacity", (1.0, 1.0, 1.0)), "normal": ("normal", None),
-        "sheenColor": ("sheen_color", (1.0, 1.0, 1.0)), "sheenRoughness": ("sheen_roughness", 0.3),
-    },
-    {"diffuseColor": ("base", 1.0), "emissiveColor": ("emission", 0.0), "sheenColor": ("sheen", 0.0)},
-    {
-        "weight": ("subsurface", 0.0), "color": ("subsurface_color", (1.0, 1.0, 1.0)), "radius": ("subsurface_radius", (1.0, 1.0, 1.0)),
-        "scale": ("subsurface_scale", 1.0), "anisotropy": ("subsurface_anisotropy", 0.0), "thin": ("thin_walled", False),
-    },
-)  # fmt: skip
 MODELS = {
-    "ND_standard_surface_surfaceshader": _STANDARD,
-    "arnold:standard_surface": _STANDARD,
-    "ND_open_pbr_surface_surfaceshader": Model(
-        {
-            "diffuseColor": ("base_color", (0.8, 0.8, 0.8)), "metallic": ("base_metalness", 0.0), "roughness": ("specular_roughness", 0.3),
-            "ior": ("specular_ior", 1.5), "clearcoat": ("coat_weight", 0.0), "clearcoatRoughness": ("coat_roughness", 0.0),
-            "emissiveColor": ("emission_color", (1.0, 1.0, 1.0)), "opacity": ("geometry_opacity", 1.0), "normal": ("geometry_normal", None),
-        },
-        {"diffuseColor": ("base_weight", 1.0), "emissiveColor": ("emission_luminance", 0.0)},
-        {
-            "weight": ("subsurface_weight", 0.0), "color": ("subsurface_color", (0.8, 0.8, 0.8)), "radius": ("subsurface_radius", 1.0),
-            "scale": ("subsurface_radius_scale", (1.0, 0.5, 0.25)), "anisotropy": ("subsurface_scatter_anisotropy", 0.0),
-            "thin": ("geometry_thin_walled", False),
-        },
-    ),
     "ND_gltf_pbr_surfaceshader": Model(
         {
             "diffuseColor": ("base_color", (1.0, 1.0, 1.0)), "metallic": ("metallic", 1.0), "roughness": ("roughness", 1.0),

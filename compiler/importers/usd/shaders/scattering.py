@@ -36,6 +36,34 @@ def radius(radius: Any, scale: Any) -> Color:
     return as_color(lengths[0] * lengths[1])
 
 
+def is_plain(shader: Any) -> bool:
+    """Whether the BSDFs below ND_surface are those of this module: diffuse ones, sheets, bodies, and highlights of constant weights."""
+    waiting, seen = [(shader, "bsdf")], 0
+    while waiting and seen < MOST_NODES:
+        node, name = waiting.pop()
+        shader_input, seen = node.GetInput(name), seen + 1
+        for attribute in shader_input.GetValueProducingAttributes() if shader_input else []:
+            below = UsdShade.Shader(attribute.GetPrim())
+            kind = str(below.GetIdAttr().Get()) if below else ""
+            if kind in _JOINS:
+                waiting += [(below, end) for end in _JOINS[kind]]
+                weights = [below.GetInput("mix"), below.GetInput("in2") if kind.startswith("ND_multiply") else None]
+            else:
+                weights = [below.GetInput(end) for end in ("weight", "roughness", "tint", "normal", "thinfilm_thickness")]
+                mode = below.GetInput("scatter_mode")
+                if kind not in _PLAIN or (mode and mode.Get() not in (None, "R")):
+                    return kind not in _OTHERS
+            if any(weight and weight.HasConnectedSource() for weight in weights):
+                return False
+    return True
+
+
+_JOINS = {"ND_layer_bsdf": ("top", "base"), "ND_add_bsdf": ("in1", "in2"), "ND_mix_bsdf": ("fg", "bg"), "ND_multiply_bsdfF": ("in1",),
+          "ND_multiply_bsdfC": ("in1",)}  # fmt: skip
+_PLAIN = (*DIFFUSE, "ND_translucent_bsdf", "ND_subsurface_bsdf", "ND_dielectric_bsdf")
+_OTHERS = ("ND_conductor_bsdf", "ND_generalized_schlick_bsdf", "ND_sheen_bsdf", "ND_dielectric_bsdf", "ND_layer_vdf")
+
+
 class Graph:
     """The BSDFs of a graph below ND_surface, as inputs of a Network."""
 

@@ -61,15 +61,18 @@ def test_defaults(tmp_path, kind, diffuse, rough):
 def test_sheen(tmp_path):
     inputs = "float inputs:sheen = 0.5\ncolor3f inputs:sheen_color = (1, 0.5, 0)"
     scene, messages = drawn(tmp_path, inputs)
-    assert (slot(scene, "SHEEN"), slot(scene, "SHEEN_ROUGHNESS")[0], messages) == ([0.5, 0.25, 0], pytest.approx(0.3), [])
+    assert (slot(scene, "FUZZ")[0], slot(scene, "FUZZ_COLOR")) == (0.5, [1, 0.5, 0])
+    assert (slot(scene, "FUZZ_ROUGHNESS")[0], messages) == (pytest.approx(0.3), [])
     inputs = "color3f inputs:sheen_color = (1, 0.5, 0)\nfloat inputs:sheen_roughness = 0.75"
     scene, messages = drawn(tmp_path, inputs, "ND_gltf_pbr_surfaceshader")
     assert (slot(scene, "SHEEN"), slot(scene, "SHEEN_ROUGHNESS")[0], messages) == ([1, 0.5, 0], 0.75, [])
 
 
 def test_other_inputs_are_named(tmp_path):
-    _, messages = drawn(tmp_path, "float inputs:transmission = 1\nfloat inputs:thin_film_thickness = 0.5")
-    expected = [f"x.usda</m/s>: warning: the input `{name}` of {STANDARD} is not drawn" for name in ("thin_film_thickness", "transmission")]
+    others = ("thin_film_thickness", "transmission_dispersion")
+    inputs = "\n".join(f"float inputs:{name} = 0.5" for name in others)
+    _, messages = drawn(tmp_path, f"float inputs:transmission = 1\n{inputs}")
+    expected = [f"x.usda</m/s>: warning: the input `{name}` of {STANDARD} is not drawn" for name in others]
     assert sorted(messages) == expected
 
 

@@ -48,13 +48,13 @@ def test_a_part_of_a_body_is_blended(tmp_path):
     assert (model_of(scene), messages) == (ir.MaterialModel.BLEND, [])
     m, row = scene.tables.materials, int(scene.tables.instances.material[0])
     assert m.values[row, ir.Slot.WEIGHT, 0] == pytest.approx(0.4)
-    assert m.model[m.first[row]] == ir.MaterialModel.PRINCIPLED
+    assert m.model[m.first[row]] == ir.MaterialModel.OPENPBR
     assert m.medium[row] == m.medium[m.second[row]] >= 0
 
 
 def test_a_weight_of_zero_is_no_body(tmp_path):
     scene, messages = drawn(tmp_path, WHOLE[STANDARD].replace("subsurface = 1", "subsurface = 0"))
-    assert (model_of(scene), messages) == (ir.MaterialModel.PRINCIPLED, [])
+    assert (model_of(scene), messages) == (ir.MaterialModel.OPENPBR, [])
 
 
 def test_the_thin_wall_of_a_body_is_a_sheet(tmp_path):
@@ -139,9 +139,9 @@ def test_what_is_told(tmp_path, inputs):
 
 
 def test_other_bsdfs_and_loops_are_told(tmp_path):
-    inputs, nodes = graph(bsdf("a", "ND_sheen_bsdf"))
+    inputs, nodes = graph(bsdf("a", "ND_chiang_hair_bsdf"))
     _, messages = drawn(tmp_path, inputs, "ND_surface", nodes)
-    assert any("the shader `ND_sheen_bsdf` is not drawn: the other BSDFs of its surface are" in message for message in messages)
+    assert any("the shader `ND_chiang_hair_bsdf` is not drawn: the other BSDFs of its surface are" in message for message in messages)
     loop = "\n".join(f"token inputs:{name}.connect = </m/a.outputs:out>" for name in ("in1", "in2"))
     inputs, nodes = graph(bsdf("a", "ND_add_bsdf", loop))
     _, messages = drawn(tmp_path, inputs, "ND_surface", nodes)

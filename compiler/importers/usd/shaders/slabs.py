@@ -1,0 +1,321 @@
+"""Surface shaders as slabs of OpenPBR: open_pbr_surface, standard_surface and disney_principled; and the rows of slabs.
+
+A share of a surface that passes light is glass, a share that scatters light inside is a body; shares are blended. Sources:
+MaterialX 1.39's graphs of these shaders; Gulbrandsen, "Artist Friendly Metallic Fresnel", JCGT 2014, for metals by an edge colour.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from .....lang.diagnostics import Span
+from .....materials import openpbr, subsurface
+from .... import ir
+from ....scene import partial_coverage
+from ....scene.builder import SceneBuilder
+from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
+from .arithmetic import Arithmetic, is_zero, numbers
+
+Slot = ir.Slot
+Tell = Callable[[str], None]
+KEY = "slabs"  # of Network.inputs: a surface of slabs
+_THIN = "geometry_thin_walled"
+_EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
+_COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
+DEFAULTS: Mapping[str, Any] = {
+    **{name: default for name, (_, default, _, _) in openpbr.NUMBERS.items()},
+    **{name: (grey,) * 3 for name, (_, grey, _) in openpbr.COLORS.items()},
+    "emission_luminance": 0.0, "emission_color": (1.0,) * 3, "geometry_opacity": 1.0, "geometry_normal": None, _THIN: False,
+    "transmission_weight": 0.0, "transmission_color": (1.0,) * 3, "transmission_depth": 0.0,
+    "subsurface_weight": 0.0, "subsurface_color": (0.8,) * 3, "subsurface_radius": 1.0, "subsurface_radius_scale": (1.0, 0.5, 0.25),
+    "subsurface_scatter_anisotropy": 0.0,
+}  # fmt: skip
+_STANDARD = {  # names and defaults of standard_surface
+    "base_weight": ("base", 1.0), "base_color": ("base_color", (0.8,) * 3), "base_diffuse_roughness": ("diffuse_roughness", 0.0),
+    "base_metalness": ("metalness", 0.0), "specular_weight": ("specular", 1.0), "specular_color": ("specular_color", (1.0,) * 3),
+    "specular_roughness": ("specular_roughness", 0.2), "specular_ior": ("specular_IOR", 1.5),
+    "specular_roughness_anisotropy": ("specular_anisotropy", 0.0), "specular_rotation": ("specular_rotation", 0.0),
+    "coat_weight": ("coat", 0.0), "coat_color": ("coat_color", (1.0,) * 3), "coat_roughness": ("coat_roughness", 0.1),
+    "coat_roughness_anisotropy": ("coat_anisotropy", 0.0), "coat_rotation": ("coat_rotation", 0.0), "coat_ior": ("coat_IOR", 1.5),
+    "coat_darkening": ("coat_affect_color", 0.0), "fuzz_weight": ("sheen", 0.0), "fuzz_color": ("sheen_color", (1.0,) * 3),
+    "fuzz_roughness": ("sheen_roughness", 0.3), "emission_luminance": ("emission", 0.0), "emission_color": ("emission_color", (1.0,) * 3),
+    "geometry_opacity": ("opacity", (1.0,) * 3), "geometry_normal": ("normal", None), _THIN: ("thin_walled", False),
+    "transmission_weight": ("transmission", 0.0), "transmission_color": ("transmission_color", (1.0,) * 3),
+    "transmission_depth": ("transmission_depth", 0.0), "subsurface_weight": ("subsurface", 0.0),
+    "subsurface_color": ("subsurface_color", (1.0,) * 3), "subsurface_radius": ("subsurface_scale", 1.0),
+    "subsurface_radius_scale": ("subsurface_radius", (1.0,) * 3), "subsurface_scatter_anisotropy": ("subsurface_anisotropy", 0.0),
+}  # fmt: skip
+_DISNEY = {
+    "base_color": ("baseColor", (0.16,) * 3), "base_metalness": ("metallic", 0.0), "specular_roughness": ("roughness", 0.5),
+    "specular_roughness_anisotropy": ("anisotropic", 0.0), "fuzz_weight": ("sheen", 0.0), "coat_weight": ("clearcoat", 0.0),
+    "transmission_weight": ("specTrans", 0.0), "subsurface_weight": ("subsurface", 0.0),
+    "subsurface_radius_scale": ("subsurfaceDistance", (1.0,) * 3),
+}  # fmt: skip
+_OPEN = {name: (name, default) for name, default in DEFAULTS.items() if name not in ("specular_rotation", "coat_rotation")}
+_DEPENDENT = {  # inputs that do nothing while another one is 0
+    "thin_film": "thin_film_thickness thin_film_weight", "coat": "coat coat_weight", "transmission": "transmission transmission_weight",
+    "subsurface": "subsurface subsurface_weight",
+}  # fmt: skip
+SHADERS: Mapping[str, Mapping[str, tuple[str, Any]]] = {
+    "ND_standard_surface_surfaceshader": _STANDARD, "ND_standard_surface_surfaceshader_100": {
+        **_STANDARD, "base_weight": ("base", 0.8), "base_color": ("base_color", (1.0,) * 3)},
+    "arnold:standard_surface": _STANDARD, "ND_open_pbr_surface_surfaceshader": _OPEN, "ND_disney_principled": _DISNEY,
+}  # fmt: skip
+
+
+def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmetic: Arithmetic, tell: Tell) -> dict[str, Any]:
+    """The inputs of OpenPBR that a surface shader gives. A warning names every other authored input."""
+    names, place = SHADERS[kind], shader.GetPrim()
+    inputs = dict(DEFAULTS) | {name: source(shader.GetInput(written), default) for name, (written, default) in names.items()}
+    inputs["base_color"] = arithmetic.times(inputs["base_color"], inputs.pop("base_weight"), place)
+    inputs["base_weight"] = 1.0
+    if kind == "ND_disney_principled":
+        _disney(shader, inputs, source, arithmetic)
+    elif names is not _OPEN:
+        _standard(inputs)
+    used = {written for written, _ in names.values()} | (_EXTRA if kind == "ND_disney_principled" else set())
+    for shader_input in shader.GetInputs():
+        name = str(shader_input.GetBaseName())
+        if name not in used and not _without_effect(shader, name, shader_input, source):
+            tell(f"the input `{name}` of {kind} is not drawn")
+    if not is_zero(inputs["subsurface_weight"]) and not is_zero(inputs["subsurface_scatter_anisotropy"]):
+        tell(f"the input `{names['subsurface_scatter_anisotropy'][0]}` is not drawn: light scatters evenly inside of bodies")
+    if not is_zero(inputs["emission_luminance"]):
+        inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
+    inputs |= {KEY: True, "normal": inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
+    return inputs
+
+
+_EXTRA = {"specular", "ior", "specularTint", "sheenTint", "clearcoatGloss"}
+
+
+def _mean(opacity: Any) -> Any:
+    values = numbers(opacity)
+    return opacity if values is None else float(values.mean())
+
+
+def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[[Any, Any], Any]) -> bool:
+    """Whether an input has its value without effect, or the weight of its part is 0."""
+    value = numbers(source(shader_input, None))
+    if name in ("geometry_tangent", "geometry_coat_tangent", "tangent"):
+        return not shader_input.HasConnectedSource() or _is_plain_tangent(shader_input)
+    for part, weights in _DEPENDENT.items():
+        if name.startswith(part):
+            written = [shader.GetInput(weight) for weight in weights.split()]
+            if not any(each and not is_zero(source(each, 0.0)) for each in written):
+                return True
+    plain = {"coat_affect_roughness": 0.0, "transmission_extra_roughness": 0.0, "transmission_dispersion": 0.0,
+             "transmission_dispersion_scale": 0.0, "transmission_scatter": 0.0, "thin_film_weight": 0.0, "thin_film_thickness": 0.0,
+             "specularTint": 0.0}.get(name)  # fmt: skip
+    if plain is not None and value is not None and not (value != plain).any():
+        return True
+    return name in ("coat_normal", "geometry_coat_normal", "transmission_scatter_anisotropy") and not shader_input.HasConnectedSource()
+
+
+def _is_plain_tangent(shader_input: Any) -> bool:
+    for attribute in shader_input.GetValueProducingAttributes():
+        identifier = attribute.GetPrim().GetAttribute("info:id")
+        return bool(identifier) and str(identifier.Get()).startswith("ND_tangent")
+    return True
+
+
+def _standard(inputs: dict[str, Any]) -> None:
+    """What standard_surface and OpenPBR say differently: anisotropy, and the edge colour of metals."""
+    for rough, turned in (("specular_roughness", "specular_roughness_anisotropy"), ("coat_roughness", "coat_roughness_anisotropy")):
+        r, a = numbers(inputs[rough]), numbers(inputs[turned])
+        if r is not None and a is not None and a.ndim == 0 and 0.0 < a <= 1.0:
+            aspect, narrow = math.sqrt(1.0 - 0.98 * float(a)), 0.98 * float(a)
+            alpha = min(float(r.mean()) ** 2 / aspect, 1.0)  # along the tangent
+            inputs[rough] = math.sqrt(min(alpha * math.sqrt((1.0 + (1.0 - narrow) ** 2) / 2.0), 1.0))
+            inputs[turned] = narrow
+    metal, base, edge = (numbers(inputs[name]) for name in ("base_metalness", "base_color", "specular_color"))
+    if metal is not None and float(metal.mean()) >= 1.0 and base is not None and edge is not None:
+        weight = numbers(inputs["specular_weight"])
+        if weight is not None:
+            inputs["specular_color"], inputs["specular_weight"] = edge_tint(base, edge * weight), 1.0
+
+
+def artistic_ior(reflectivity: Any, edge: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(n, k) of a metal by its reflectance and the colour of its edge (Gulbrandsen 2014)."""
+    r, g = np.clip(np.broadcast_to(reflectivity, 3), 0.0, 0.99), np.broadcast_to(edge, 3)
+    root = np.sqrt(r)
+    n = np.asarray((1.0 - r) / (1.0 + r) * g + (1.0 + root) / (1.0 - root) * (1.0 - g))
+    return n, np.sqrt(np.maximum((r * (n + 1.0) ** 2 - (n - 1.0) ** 2) / (1.0 - r), 0.0))
+
+
+def conductor(n: Any, k: Any, cosine: float) -> np.ndarray:
+    """The reflectance of a metal by Fresnel's equations."""
+    n, k = np.asarray(n, np.float64), np.asarray(k, np.float64)
+    sine2 = 1.0 - cosine * cosine
+    t = n * n - k * k - sine2
+    a2b2 = np.sqrt(t * t + 4.0 * n * n * k * k)
+    a = np.sqrt(np.maximum(0.5 * (a2b2 + t), 0.0))
+    s = (a2b2 - 2.0 * a * cosine + cosine * cosine) / (a2b2 + 2.0 * a * cosine + cosine * cosine)
+    p = s * (cosine**2 * a2b2 - 2.0 * a * cosine * sine2 + sine2**2) / (cosine**2 * a2b2 + 2.0 * a * cosine * sine2 + sine2**2)
+    return 0.5 * (s + p)
+
+
+def tint_of(n: Any, k: Any) -> tuple[Color, Color]:
+    """(reflectance at normal incidence, tint at 81.8° over Schlick's) of a metal."""
+    f0 = conductor(n, k, 1.0)
+    schlick = f0 + (1.0 - f0) * (1.0 - _EDGE) ** 5
+    return as_color(np.clip(np.broadcast_to(f0, 3), 0, 1)), as_color(np.clip(np.broadcast_to(conductor(n, k, _EDGE) / schlick, 3), 0, 1))
+
+
+def edge_tint(reflectivity: Any, edge: Any) -> Color:
+    """The specular colour of OpenPBR for a metal of standard_surface."""
+    return tint_of(*artistic_ior(reflectivity, edge))[1]
+
+
+def _disney(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], Any], arithmetic: Arithmetic) -> None:
+    """What disney_principled and OpenPBR say differently."""
+    place, base = shader.GetPrim(), inputs["base_color"]
+    specular, gloss = (numbers(source(shader.GetInput(name), value)) for name, value in (("specular", 0.5), ("clearcoatGloss", 1.0)))
+    root = math.sqrt(min(max(0.08 * float(0.5 if specular is None else specular), 0.0), 0.99))
+    inputs["specular_ior"] = (1.0 + root) / (1.0 - root)
+    if not is_zero(inputs["transmission_weight"]):
+        inputs["specular_ior"] = source(shader.GetInput("ior"), 1.5)
+        inputs["transmission_color"] = base
+    inputs["fuzz_color"] = arithmetic.mix((1.0,) * 3, base, source(shader.GetInput("sheenTint"), 0.5), place)
+    inputs["coat_weight"] = arithmetic.times(inputs["coat_weight"], _COAT_GLOSS, place)
+    inputs["coat_roughness"] = math.sqrt(0.1 + (0.001 - 0.1) * float(1.0 if gloss is None else gloss))
+    inputs |= {"coat_ior": 1.5, "coat_darkening": 0.0, "subsurface_color": base}
+
+
+# --- rows ---------------------------------------------------------------------------------------------------------------
+
+
+class Reader(Protocol):
+    """Inputs of rows from sources."""
+
+    builder: SceneBuilder
+
+    def color(self, source: Any, fallback: Color) -> Input: ...
+
+    def number(self, source: Any, fallback: float) -> Input: ...
+
+    def constant(self, source: Any, fallback: float) -> float: ...
+
+
+@dataclass(slots=True)
+class Rows:
+    """The rows of one surface of slabs. `metres` is the length of a unit of the stage."""
+
+    reader: Reader
+    arithmetic: Arithmetic
+    name: str
+    span: Span
+    metres: float
+    maps: dict[ir.Slot, Input] = field(default_factory=dict)  # of normals and heights
+    place: Any = None
+    tell: Tell = lambda message: None
+
+    def row(self, inputs: Mapping[str, Any], opacity: Input) -> int:
+        """The row of a surface, with its opacity."""
+        tree = inputs[KEY]
+        surface = self._surface(inputs) if tree is True else self._tree(tree)
+        return self.reader.builder.material(partial_coverage.with_opacity(surface, opacity), self.span)
+
+    def _tree(self, tree: Any) -> MaterialData:
+        """The surface of a graph of BSDFs (closures.Tree)."""
+        if hasattr(tree, "share"):
+            return self._blend(self._tree(tree.first), self._tree(tree.second), tree.share)
+        if "translucent" in tree.inputs:
+            black = Input(BLACK)
+            sheet = {Slot.AMBIENT: black, Slot.DIFFUSE: black}
+            sheet[Slot.DIFFUSE_TRANSMISSION] = self.reader.color(tree.inputs["translucent"], WHITE)
+            return MaterialData(ir.MaterialModel.TRANSLUCENT, sheet | self.maps, name=self.name)
+        return self._surface(tree.inputs)
+
+    def _surface(self, inputs: Mapping[str, Any]) -> MaterialData:
+        """Slabs, of which a share is glass, and a share a body."""
+        base = self._slabs(inputs)
+        glassy, inside = inputs["transmission_weight"], inputs["subsurface_weight"]
+        if not (is_zero(glassy) and is_zero(inside)):
+            for name, part in (("coat_weight", "clear coat"), ("fuzz_weight", "sheen")):
+                if not is_zero(inputs[name]):
+                    self.tell(f"the {part} over a material that scatters light inside or passes it is not drawn")
+        dielectric = self.arithmetic.less(inputs["base_metalness"], self.place)
+        if not is_zero(inside) and not is_zero(dielectric):
+            base = self._blend(base, self._inside(inputs), self.arithmetic.times(inside, dielectric, self.place))
+        if not is_zero(glassy) and not is_zero(dielectric):
+            base = self._blend(base, self._glass(inputs), self.arithmetic.times(glassy, dielectric, self.place))
+        return base
+
+    def _slabs(self, inputs: Mapping[str, Any]) -> MaterialData:
+        given = {
+            slot: self._share(self.reader.number(inputs[name], default), most)
+            for name, (slot, default, most, _) in openpbr.NUMBERS.items()
+        }
+        given |= {slot: self.reader.color(inputs[name], (grey,) * 3) for name, (slot, grey, _) in openpbr.COLORS.items()}
+        if "emission" in inputs:
+            given[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
+        return openpbr.data(given | self.maps, name=self.name)
+
+    def _share(self, number: Input, most: float | None) -> Input:
+        """A number from 0, up to `most`; a texture's factor is not clamped."""
+        if number.texture >= 0:
+            return number
+        return Input.number(max(number.value[0], 0.0) if most is None else min(max(number.value[0], 0.0), most))
+
+    def _blend(self, first: MaterialData, second: MaterialData, share: Any) -> MaterialData:
+        weight = self._share(self.reader.number(share, 0.0), 1.0)
+        if weight.texture < 0 and weight.value[0] >= 1.0:
+            if Slot.EMISSION in first.inputs and first.inputs[Slot.EMISSION].value != BLACK:
+                self.tell("the emission of a surface that passes or scatters all light is not drawn")
+            return second
+        builder = self.reader.builder
+        parts = builder.material(first, self.span), builder.material(second, self.span)
+        medium = second.medium if second.medium >= 0 else first.medium
+        return MaterialData(ir.MaterialModel.BLEND, {Slot.WEIGHT: weight}, first=parts[0], second=parts[1], name=self.name, medium=medium)
+
+    def _glass(self, inputs: Mapping[str, Any]) -> MaterialData:
+        """Glass: with a depth its colour is that of light after so many units, else that of light that passes a surface."""
+        depth = self.reader.constant(inputs["transmission_depth"], 0.0) * self.metres
+        color, absorption = self.reader.color(inputs["transmission_color"], WHITE), BLACK
+        if depth > 0.0 and not inputs[_THIN]:
+            if color.texture >= 0:
+                self.tell("a transmission colour with a depth is drawn only as one colour: white is drawn")
+            inside = color.value if color.texture < 0 else WHITE
+            absorption = as_color(-math.log(min(max(c, 1e-6), 1.0)) / depth + 0.0 for c in inside)
+            color = Input(WHITE)
+        ior = Input.number(1.0001) if inputs[_THIN] else self.reader.number(inputs["specular_ior"], 1.5)
+        given = {
+            Slot.TRANSMISSION: color, Slot.IOR: ior,
+            Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
+            Slot.ABSORPTION: Input(absorption), Slot.PRIORITY: Input.number(0.0),
+        }  # fmt: skip
+        return MaterialData(ir.MaterialModel.GLASS, given | self.maps, name=self.name)
+
+    def _inside(self, inputs: Mapping[str, Any]) -> MaterialData:
+        """A body that scatters light, or a thin wall that light passes."""
+        color = self.reader.color(inputs["subsurface_color"], WHITE)
+        if inputs[_THIN]:
+            half = Input(scale_color(color.value, 0.5), color.texture)
+            sheet = {Slot.AMBIENT: half, Slot.DIFFUSE: half, Slot.DIFFUSE_TRANSMISSION: half}
+            return MaterialData(ir.MaterialModel.TRANSLUCENT, sheet | self.maps, name=self.name)
+        lengths = self._lengths(inputs)
+        scattering, absorption = subsurface.coefficients(color.value, lengths)
+        given = {
+            Slot.AMBIENT: color, Slot.DIFFUSE_TRANSMISSION: Input(WHITE), Slot.RADIUS: Input.number(1.0),
+            Slot.IOR: self.reader.number(inputs["specular_ior"], 1.5),
+            Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
+        }  # fmt: skip
+        medium = self.reader.builder.medium(MediumData(scattering, absorption), self.span)
+        return MaterialData(ir.MaterialModel.SUBSURFACE, given | self.maps, name=self.name, medium=medium)
+
+    def _lengths(self, inputs: Mapping[str, Any]) -> Color:
+        parts = []
+        for name in ("subsurface_radius", "subsurface_radius_scale"):
+            values = numbers(inputs[name])
+            if values is None or values.shape not in ((), (3,)):
+                self.tell(f"the input `{name}` is drawn only as a number: its default is drawn")
+                values = np.array(DEFAULTS[name], np.float64)
+            parts.append(np.broadcast_to(values, 3))
+        return as_color(max(length, 1e-9) for length in (parts[0] * parts[1] * self.metres).tolist())
+

@@ -108,12 +108,13 @@ class Materials:
             self.tell(f"the material has {what}: its prims show their displayColor", prim)
             return None
         kind = shader.GetIdAttr().Get()
-        if kind in slabs.SHADERS:
+        if slabs.needs(shader, kind, self.sources.source):
             arithmetic = Arithmetic(self.sources.graphs)
             mapped = slabs.surface(shader, kind, self.sources.source, arithmetic, lambda message: self.tell(message, shader.GetPrim()))
             return Network(str(prim.GetPath()), str(prim.GetName()), {**mapped, "displacement": 0.0})
         if kind in materialx.MODELS:
             mapped = materialx.surface(shader, kind, self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
+            mapped["opacity"], mapped["opacityThreshold"] = slabs.coverage(shader, self.sources.source)
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **mapped, "displacement": 0.0})
         if kind in closures.SURFACES and not (kind == scattering.GRAPH and scattering.is_plain(shader)):
             node = self.sources.graphs.node(shader)
@@ -178,7 +179,8 @@ class Materials:
             maps = {slot: each for slot, each in ((ir.Slot.NORMAL, normal), (ir.Slot.BUMP, bump)) if each is not None}
             arithmetic, metres = Arithmetic(self.sources.graphs), self.opened.meters_per_unit
             rows = slabs.Rows(reader, arithmetic, network.name, span, metres, maps, prim, reader.tell)
-            return rows.row({**i, "base_color": WHITE} if fit.colored else i, self._opacity(i["opacity"], prim))
+            threshold = min(max(self._mean_of(i.get("opacityThreshold", 0.0), 0.0, prim), 0.0), 1.0)
+            return rows.row({**i, "base_color": WHITE} if fit.colored else i, self._opacity(i["opacity"], prim), threshold)
         diffuse = Input(WHITE) if fit.colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):

@@ -196,7 +196,7 @@ class _Document:
     def _value(self, port: Any, type_: str) -> Any:
         text = port.getValueString()
         if type_ == "filename":
-            written = port.getActiveFilePrefix() + text if text else ""
+            written = (port.getActiveFilePrefix() + text).replace("\\", "/") if text else ""
             return Sdf.AssetPath(os.fspath(self.folder / written)) if written else None
         if type_ in _CLOSURES or not text:
             return None

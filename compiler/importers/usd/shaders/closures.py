@@ -157,9 +157,8 @@ class Closures:
         slab = dict(BLACK_SLAB)
         slab["geometry_normal"] = self._source(node, "normal", None) if node.inputs.get("normal") else None
         weight = self._source(node, "weight", 1.0)
-        for name in ("thinfilm_thickness", "thin_film_thickness"):
-            if not is_zero(self._source(node, name, 0.0)):
-                self._tell(f"the input `{name}` of {kind} is not drawn")
+        if not is_zero(thickness := self._source(node, "thinfilm_thickness", 0.0)):
+            slab |= slabs.film(thickness, self._source(node, "thinfilm_ior", 1.5), self._arithmetic, node.place)
         if kind in ("ND_oren_nayar_diffuse_bsdf", "ND_burley_diffuse_bsdf"):
             rough = self._source(node, "roughness", 0.0) if "oren" in kind else 0.0
             return Slab({**slab, "base_color": self._color(node, "color", (0.18,) * 3), "base_diffuse_roughness": rough}, "diffuse")
@@ -259,10 +258,13 @@ class Closures:
             tint = (1.0,) * 3 if f0 is None else tuple(np.broadcast_to(f0 / grey, 3).tolist())
         rough, turned = t["specular_roughness"], t["specular_roughness_anisotropy"]
         bare = is_zero(b["base_metalness"]) and is_zero(b["specular_weight"]) and "translucent" not in b
+        films = {name: t[name] for name in ("thin_film_weight", "thin_film_thickness", "thin_film_ior")}
         if bare:
-            changes = {"specular_ior": ior, "specular_color": tint, "specular_weight": weight, "specular_roughness": rough,
+            changes = {**films, "specular_ior": ior, "specular_color": tint, "specular_weight": weight, "specular_roughness": rough,
                        "specular_roughness_anisotropy": turned}  # fmt: skip
         else:
+            if not is_zero(films["thin_film_weight"]):
+                self._tell("a thin film on a coat is not drawn")
             changes = {"coat_weight": weight, "coat_ior": ior, "coat_color": (1.0,) * 3, "coat_roughness": rough,
                        "coat_roughness_anisotropy": turned, "coat_darkening": 0.0}  # fmt: skip
         return Slab({**b, **changes}, "layers")

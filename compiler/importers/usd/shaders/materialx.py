@@ -1,7 +1,6 @@
-"""MaterialX surfaces in USD, mapped to the inputs of UsdPreviewSurface and a sheen.
+"""gltf_pbr in USD, mapped to the inputs of UsdPreviewSurface and a sheen; and the nodes of MaterialX that pass a picture on.
 
-Names and defaults: MaterialX 1.39, standard_surface 1.0.1, open_pbr_surface 1.1, gltf_pbr 2.0.1.
-`arnold:standard_surface` has the inputs of standard_surface.
+Names and defaults: MaterialX 1.39, gltf_pbr 2.0.1. What `principled` does not have is read as slabs (slabs.py).
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import numpy as np
 from .... import ir
 from ....io import color_encoding
 from ....io.color_config import Config
+from . import slabs
 from .network import Graph, Picture, Primvar
 
 
@@ -24,7 +24,6 @@ class Model:
 
     inputs: dict[str, tuple[str, Any]]
     weights: dict[str, tuple[str, float]] = field(default_factory=dict)
-    body: dict[str, tuple[str, Any]] = field(default_factory=dict)  # where light scatters inside: see scattering.py
 
 
 MODELS = {
@@ -74,32 +73,10 @@ def surface(shader: Any, kind: str, source: Source, tell: Callable[[str], None])
         inputs["opacity"] = float(np.mean(inputs["opacity"]))
     inputs["opacityMode"] = "presence"  # the opacity of these models covers highlights, too
     read = {source_name for source_name, _ in model.inputs.values()} | {source_name for source_name, _ in model.weights.values()}
-    if model.body:
-        read |= {source_name for source_name, _ in model.body.values()}
-        inputs |= _body(shader, model, source, tell)
     for shader_input in shader.GetInputs():
-        if str(shader_input.GetBaseName()) not in read:
+        if str(shader_input.GetBaseName()) not in read | slabs.GLTF_NAMES:
             tell(f"the input `{shader_input.GetBaseName()}` of {kind} is not drawn")
     return inputs
-
-
-def _body(shader: Any, model: Model, source: Source, tell: Callable[[str], None]) -> dict[str, Any]:
-    """The inputs of a surface of which a share is a body, or a thin wall that light passes; none where the weight is 0."""
-    values = {name: source(shader.GetInput(source_name), default) for name, (source_name, default) in model.body.items()}
-    for name in ("weight", "radius", "scale", "anisotropy"):
-        source_name, default = model.body[name]
-        if hasattr(values[name], "times") or hasattr(values[name], "fallback"):
-            tell(f"the input `{source_name}` is drawn only as a number: its default is drawn")
-            values[name] = default
-    if not np.mean(values["weight"]) > 0.0:
-        return {}
-    if values["anisotropy"]:
-        tell(f"the input `{model.body['anisotropy'][0]}` is not drawn: light scatters evenly inside of bodies")
-    lengths = np.broadcast_to(np.array(values["radius"], float), 3) * np.broadcast_to(np.array(values["scale"], float), 3)
-    return {
-        "subsurface": float(np.mean(values["weight"])), "subsurfaceColor": values["color"], "subsurfaceRadius": tuple(lengths.tolist()),
-        "thinWalled": bool(values["thin"]),
-    }  # fmt: skip
 
 
 def _scaled(value: Any, weight: float) -> Any:

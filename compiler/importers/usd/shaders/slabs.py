@@ -15,6 +15,7 @@ import numpy as np
 
 from .....lang.diagnostics import Span
 from .....materials import openpbr, subsurface
+from .....materials.glass import KHRONOS
 from .... import ir
 from ....scene import partial_coverage
 from ....scene.builder import SceneBuilder
@@ -33,7 +34,7 @@ DEFAULTS: Mapping[str, Any] = {
     "emission_luminance": 0.0, "emission_color": (1.0,) * 3, "geometry_opacity": 1.0, "geometry_normal": None, _THIN: False,
     "transmission_weight": 0.0, "transmission_color": (1.0,) * 3, "transmission_depth": 0.0,
     "subsurface_weight": 0.0, "subsurface_color": (0.8,) * 3, "subsurface_radius": 1.0, "subsurface_radius_scale": (1.0, 0.5, 0.25),
-    "subsurface_scatter_anisotropy": 0.0,
+    "subsurface_scatter_anisotropy": 0.0, "transmission_dispersion_scale": 0.0, "transmission_dispersion_abbe_number": 20.0,
 }  # fmt: skip
 _STANDARD = {  # names and defaults of standard_surface
     "base_weight": ("base", 1.0), "base_color": ("base_color", (0.8,) * 3), "base_diffuse_roughness": ("diffuse_roughness", 0.0),
@@ -49,6 +50,8 @@ _STANDARD = {  # names and defaults of standard_surface
     "transmission_depth": ("transmission_depth", 0.0), "subsurface_weight": ("subsurface", 0.0),
     "subsurface_color": ("subsurface_color", (1.0,) * 3), "subsurface_radius": ("subsurface_scale", 1.0),
     "subsurface_radius_scale": ("subsurface_radius", (1.0,) * 3), "subsurface_scatter_anisotropy": ("subsurface_anisotropy", 0.0),
+    "thin_film_thickness": ("thin_film_thickness", 0.0), "thin_film_ior": ("thin_film_IOR", 1.5),
+    "transmission_dispersion_abbe_number": ("transmission_dispersion", 0.0),
 }  # fmt: skip
 _DISNEY = {
     "base_color": ("baseColor", (0.16,) * 3), "base_metalness": ("metallic", 0.0), "specular_roughness": ("roughness", 0.5),
@@ -56,6 +59,18 @@ _DISNEY = {
     "transmission_weight": ("specTrans", 0.0), "subsurface_weight": ("subsurface", 0.0),
     "subsurface_radius_scale": ("subsurfaceDistance", (1.0,) * 3),
 }  # fmt: skip
+_GLTF = {
+    "base_color": ("base_color", (1.0,) * 3), "base_metalness": ("metallic", 1.0), "specular_roughness": ("roughness", 1.0),
+    "specular_weight": ("specular", 1.0), "specular_color": ("specular_color", (1.0,) * 3), "specular_ior": ("ior", 1.5),
+    "specular_roughness_anisotropy": ("anisotropy_strength", 0.0), "specular_rotation": ("anisotropy_rotation", 0.0),
+    "coat_weight": ("clearcoat", 0.0), "coat_roughness": ("clearcoat_roughness", 0.0), "fuzz_color": ("sheen_color", (0.0,) * 3),
+    "fuzz_roughness": ("sheen_roughness", 0.0), "emission_color": ("emissive", (0.0,) * 3),
+    "emission_luminance": ("emissive_strength", 1.0), "geometry_normal": ("normal", None), "transmission_weight": ("transmission", 0.0),
+    "transmission_color": ("attenuation_color", (1.0,) * 3), "transmission_depth": ("attenuation_distance", 0.0),
+    "transmission_dispersion_scale": ("dispersion", 0.0), "thin_film_weight": ("iridescence", 0.0),
+    "thin_film_thickness": ("iridescence_thickness", 100.0), "thin_film_ior": ("iridescence_ior", 1.3),
+}  # fmt: skip
+_MORE_THAN_PRINCIPLED = ("transmission", "iridescence", "anisotropy_strength", "specular", "specular_color")
 _OPEN = {name: (name, default) for name, default in DEFAULTS.items() if name not in ("specular_rotation", "coat_rotation")}
 _DEPENDENT = {  # inputs that do nothing while another one is 0
     "thin_film": "thin_film_thickness thin_film_weight", "coat": "coat coat_weight", "transmission": "transmission transmission_weight",
@@ -65,8 +80,13 @@ SHADERS: Mapping[str, Mapping[str, tuple[str, Any]]] = {
     "ND_standard_surface_surfaceshader": _STANDARD, "ND_standard_surface_surfaceshader_100": {
         **_STANDARD, "base_weight": ("base", 0.8), "base_color": ("base_color", (1.0,) * 3)},
     "arnold:standard_surface": _STANDARD, "ND_open_pbr_surface_surfaceshader": _OPEN, "ND_disney_principled": _DISNEY,
+    "ND_gltf_pbr_surfaceshader": _GLTF,
 }  # fmt: skip
 
+_EXTRA = {
+    "ND_disney_principled": {"specular", "ior", "specularTint", "sheenTint", "clearcoatGloss"},
+    "ND_gltf_pbr_surfaceshader": {"alpha", "alpha_mode", "alpha_cutoff", "thickness", "occlusion"},
+}
 
 def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmetic: Arithmetic, tell: Tell) -> dict[str, Any]:
     """The inputs of OpenPBR that a surface shader gives. A warning names every other authored input."""
@@ -76,9 +96,11 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
     inputs["base_weight"] = 1.0
     if kind == "ND_disney_principled":
         _disney(shader, inputs, source, arithmetic)
+    elif names is _GLTF:
+        _gltf(shader, inputs, source, arithmetic)
     elif names is not _OPEN:
-        _standard(inputs)
-    used = {written for written, _ in names.values()} | (_EXTRA if kind == "ND_disney_principled" else set())
+        _standard(inputs, arithmetic, place)
+    used = {written for written, _ in names.values()} | _EXTRA.get(kind, set())
     for shader_input in shader.GetInputs():
         name = str(shader_input.GetBaseName())
         if name not in used and not _without_effect(shader, name, shader_input, source):
@@ -91,7 +113,28 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
     return inputs
 
 
-_EXTRA = {"specular", "ior", "specularTint", "sheenTint", "clearcoatGloss"}
+GLTF_NAMES = {name for name, _ in _GLTF.values()} | _EXTRA["ND_gltf_pbr_surfaceshader"] | {"tangent", "clearcoat_normal"}
+
+
+def needs(shader: Any, kind: str, source: Callable[[Any, Any], Any]) -> bool:
+    """Whether a surface shader is read as slabs: one of glTF where `principled` does not have what it sets."""
+    if kind != "ND_gltf_pbr_surfaceshader":
+        return kind in SHADERS
+    for name in _MORE_THAN_PRINCIPLED:
+        plain = 1.0 if name.startswith("specular") else 0.0
+        value = numbers(source(shader.GetInput(name), plain))
+        if value is None or (value != plain).any():
+            return True
+    return False
+
+
+def coverage(shader: Any, source: Callable[[Any, Any], Any]) -> tuple[Any, float]:
+    """(opacity, threshold) of gltf_pbr."""
+    mode = numbers(source(shader.GetInput("alpha_mode"), 0))
+    cutoff = numbers(source(shader.GetInput("alpha_cutoff"), 0.5))
+    number = 0 if mode is None else int(mode)
+    alpha = source(shader.GetInput("alpha"), 1.0)
+    return (1.0 if number == 0 else alpha), (float(0.5 if cutoff is None else cutoff) if number == 1 else 0.0)
 
 
 def _mean(opacity: Any) -> Any:
@@ -101,31 +144,41 @@ def _mean(opacity: Any) -> Any:
 
 def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[[Any, Any], Any]) -> bool:
     """Whether an input has its value without effect, or the weight of its part is 0."""
+    if name in _DIRECTIONS:
+        return not shader_input.HasConnectedSource() or _is_of_surface(shader_input)
     value = numbers(source(shader_input, None))
-    if name in ("geometry_tangent", "geometry_coat_tangent", "tangent"):
-        return not shader_input.HasConnectedSource() or _is_plain_tangent(shader_input)
     for part, weights in _DEPENDENT.items():
         if name.startswith(part):
             written = [shader.GetInput(weight) for weight in weights.split()]
             if not any(each and not is_zero(source(each, 0.0)) for each in written):
                 return True
-    plain = {"coat_affect_roughness": 0.0, "transmission_extra_roughness": 0.0, "transmission_dispersion": 0.0,
-             "transmission_dispersion_scale": 0.0, "transmission_scatter": 0.0, "thin_film_weight": 0.0, "thin_film_thickness": 0.0,
-             "specularTint": 0.0}.get(name)  # fmt: skip
+    plain = {"coat_affect_roughness": 0.0, "transmission_extra_roughness": 0.0, "transmission_scatter": 0.0}.get(name)
     if plain is not None and value is not None and not (value != plain).any():
         return True
-    return name in ("coat_normal", "geometry_coat_normal", "transmission_scatter_anisotropy") and not shader_input.HasConnectedSource()
+    return name == "transmission_scatter_anisotropy"
 
 
-def _is_plain_tangent(shader_input: Any) -> bool:
+_DIRECTIONS = ("tangent", "geometry_tangent", "geometry_coat_tangent", "coat_normal", "geometry_coat_normal", "clearcoat_normal")
+
+
+def _is_of_surface(shader_input: Any) -> bool:
+    """Whether a direction is the surface's own normal or tangent."""
     for attribute in shader_input.GetValueProducingAttributes():
         identifier = attribute.GetPrim().GetAttribute("info:id")
-        return bool(identifier) and str(identifier.Get()).startswith("ND_tangent")
+        return bool(identifier) and str(identifier.Get()) in ("ND_tangent_vector3", "ND_normal_vector3")
     return True
 
 
-def _standard(inputs: dict[str, Any]) -> None:
-    """What standard_surface and OpenPBR say differently: anisotropy, and the edge colour of metals."""
+def film(thickness: Any, ior: Any, arithmetic: Arithmetic, place: Any) -> dict[str, Any]:
+    """The thin film of a thickness in nanometres."""
+    weight = 0.0 if is_zero(thickness) else 1.0
+    return {"thin_film_weight": weight, "thin_film_thickness": arithmetic.times(thickness, 0.001, place), "thin_film_ior": ior}
+
+
+def _standard(inputs: dict[str, Any], arithmetic: Arithmetic, place: Any) -> None:
+    """What standard_surface and OpenPBR say differently: films, dispersion, anisotropy, and the edge colour of metals."""
+    inputs |= film(inputs["thin_film_thickness"], inputs["thin_film_ior"], arithmetic, place)
+    inputs["transmission_dispersion_scale"] = 0.0 if is_zero(inputs["transmission_dispersion_abbe_number"]) else 1.0
     for rough, turned in (("specular_roughness", "specular_roughness_anisotropy"), ("coat_roughness", "coat_roughness_anisotropy")):
         r, a = numbers(inputs[rough]), numbers(inputs[turned])
         if r is not None and a is not None and a.ndim == 0 and 0.0 < a <= 1.0:
@@ -172,6 +225,22 @@ def edge_tint(reflectivity: Any, edge: Any) -> Color:
     return tint_of(*artistic_ior(reflectivity, edge))[1]
 
 
+def _gltf(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], Any], arithmetic: Arithmetic) -> None:
+    """What gltf_pbr and OpenPBR say differently. Without a thickness it is a thin wall."""
+    place, fuzz = shader.GetPrim(), numbers(inputs["fuzz_color"])
+    inputs["thin_film_thickness"] = arithmetic.times(inputs["thin_film_thickness"], 0.001, place)
+    inputs["specular_rotation"] = arithmetic.times(inputs["specular_rotation"], 0.5 / math.pi, place)
+    inputs["fuzz_weight"] = 1.0 if fuzz is None else float(fuzz.max())
+    if fuzz is not None and fuzz.max() > 0.0:
+        inputs["fuzz_color"] = tuple((fuzz / fuzz.max()).tolist())
+    inputs |= {"coat_ior": 1.5, "coat_darkening": 0.0}
+    if is_zero(source(shader.GetInput("thickness"), 0.0)):
+        inputs |= {_THIN: True, "transmission_depth": 0.0, "transmission_color": inputs["base_color"]}
+    elif is_zero(inputs["transmission_depth"]):
+        inputs["transmission_color"] = inputs["base_color"]
+    inputs["geometry_opacity"], inputs["opacityThreshold"] = coverage(shader, source)
+
+
 def _disney(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], Any], arithmetic: Arithmetic) -> None:
     """What disney_principled and OpenPBR say differently."""
     place, base = shader.GetPrim(), inputs["base_color"]
@@ -215,11 +284,11 @@ class Rows:
     place: Any = None
     tell: Tell = lambda message: None
 
-    def row(self, inputs: Mapping[str, Any], opacity: Input) -> int:
+    def row(self, inputs: Mapping[str, Any], opacity: Input, threshold: float = 0.0) -> int:
         """The row of a surface, with its opacity."""
         tree = inputs[KEY]
         surface = self._surface(inputs) if tree is True else self._tree(tree)
-        return self.reader.builder.material(partial_coverage.with_opacity(surface, opacity), self.span)
+        return self.reader.builder.material(partial_coverage.with_opacity(surface, opacity, threshold), self.span)
 
     def _tree(self, tree: Any) -> MaterialData:
         """The surface of a graph of BSDFs (closures.Tree)."""
@@ -237,7 +306,7 @@ class Rows:
         base = self._slabs(inputs)
         glassy, inside = inputs["transmission_weight"], inputs["subsurface_weight"]
         if not (is_zero(glassy) and is_zero(inside)):
-            for name, part in (("coat_weight", "clear coat"), ("fuzz_weight", "sheen")):
+            for name, part in (("coat_weight", "clear coat"), ("fuzz_weight", "sheen"), ("thin_film_weight", "thin film")):
                 if not is_zero(inputs[name]):
                     self.tell(f"the {part} over a material that scatters light inside or passes it is not drawn")
         dielectric = self.arithmetic.less(inputs["base_metalness"], self.place)
@@ -288,9 +357,15 @@ class Rows:
         given = {
             Slot.TRANSMISSION: color, Slot.IOR: ior,
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
-            Slot.ABSORPTION: Input(absorption), Slot.PRIORITY: Input.number(0.0),
+            Slot.ABSORPTION: Input(absorption), Slot.PRIORITY: Input.number(0.0), Slot.DISPERSION: Input.number(self._dispersion(inputs)),
         }  # fmt: skip
         return MaterialData(ir.MaterialModel.GLASS, given | self.maps, name=self.name)
+
+    def _dispersion(self, inputs: Mapping[str, Any]) -> float:
+        """20 over the Abbe number, by the scale; 0 of thin walls, which bend no light."""
+        scale = self.reader.constant(inputs["transmission_dispersion_scale"], 0.0)
+        abbe = self.reader.constant(inputs["transmission_dispersion_abbe_number"], 20.0)
+        return KHRONOS / abbe * max(scale, 0.0) if abbe > 0.0 and not inputs[_THIN] else 0.0
 
     def _inside(self, inputs: Mapping[str, Any]) -> MaterialData:
         """A body that scatters light, or a thin wall that light passes."""

@@ -69,7 +69,7 @@ def test_sheen(tmp_path):
 
 
 def test_other_inputs_are_named(tmp_path):
-    others = ("thin_film_thickness", "transmission_dispersion")
+    others = ("haze", "transmission_extra_roughness")
     inputs = "\n".join(f"float inputs:{name} = 0.5" for name in others)
     _, messages = drawn(tmp_path, f"float inputs:transmission = 1\n{inputs}")
     expected = [f"x.usda</m/s>: warning: the input `{name}` of {STANDARD} is not drawn" for name in others]

@@ -14,10 +14,10 @@ INF = math.inf
 
 def table(*rows: list[float]) -> np.ndarray:
     """Geometries.parameters with these rows."""
-    made = np.zeros((len(rows), ir.PARAMETERS))
+    parameters = np.zeros((len(rows), ir.PARAMETERS))
     for k, row in enumerate(rows):
-        made[k, : len(row)] = row
-    return made
+        parameters[k, : len(row)] = row
+    return parameters
 
 
 def hit(kind: int, parameters: list[float], origin, direction, t_min: float = 0.0, t_max: float = INF) -> tuple[np.ndarray, np.ndarray]:
@@ -29,19 +29,19 @@ def hit(kind: int, parameters: list[float], origin, direction, t_min: float = 0.
     return np.broadcast_to(t, n.shape), np.broadcast_to(part, n.shape)
 
 
-def after(kind: int, parameters: list[float], o: np.ndarray, d: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(t, part) of what rays meet beyond `at`."""
+def after(kind: int, parameters: list[float], o: np.ndarray, d: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(t, part) of what rays meet beyond `start`."""
     with np.errstate(all="ignore"):
-        t, part = analytic_shapes.intersect(int(kind), table(parameters), 0, tuple(o.T), tuple(d.T), at, np.full(len(o), INF))
-    return np.broadcast_to(t, at.shape), np.broadcast_to(part, at.shape)
+        t, part = analytic_shapes.intersect(int(kind), table(parameters), 0, tuple(o.T), tuple(d.T), start, np.full(len(o), INF))
+    return np.broadcast_to(t, start.shape), np.broadcast_to(part, start.shape)
 
 
-def equation(kind: int, p: list[float], at: np.ndarray, part: np.ndarray) -> np.ndarray:
+def equation(kind: int, p: list[float], points: np.ndarray, part: np.ndarray) -> np.ndarray:
     """What is 0 on the surface at points (n, 3), in units of length; inside is negative."""
-    x, y, z = at.T
+    x, y, z = points.T
     rho = np.hypot(x, z)
     if kind == K.SPHERE:
-        return np.linalg.norm(at, axis=1) - p[0]
+        return np.linalg.norm(points, axis=1) - p[0]
     if kind == K.BOX:
         side = np.where(part % 2 == 1, 1.0, -1.0) * np.choose(part // 2, [x, y, z])
         return side - np.choose(part // 2, p[:3])

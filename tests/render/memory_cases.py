@@ -75,9 +75,9 @@ def pictures(count: int, side: int, suffix: str = "png") -> Callable[[Path], Pat
         rng = np.random.default_rng(1)
         for k in range(count):
             texels = np.repeat(np.repeat(rng.integers(0, 256, (side // 8, side // 8, 3), np.uint8), 8, axis=0), 8, axis=1)
-            made = oiio.ImageBuf(oiio.ImageSpec(side, side, 3, oiio.UINT8))
-            made.set_pixels(oiio.ROI(), texels)
-            made.write(str(folder / f"{k}.{suffix}"))
+            image = oiio.ImageBuf(oiio.ImageSpec(side, side, 3, oiio.UINT8))
+            image.set_pixels(oiio.ROI(), texels)
+            image.write(str(folder / f"{k}.{suffix}"))
         spheres = (f'sphere(0.6, center: [{k}, 0, 0], material: lambert(image("{k}.{suffix}")))\n' for k in range(count))
         return text("".join(spheres) + AREA)(folder)
 
@@ -88,9 +88,9 @@ def dome(folder: Path) -> Path:
     """A sphere under a dome light of a picture in floats."""
     import OpenImageIO as oiio
 
-    made = oiio.ImageBuf(oiio.ImageSpec(4096, 2048, 3, oiio.FLOAT))
-    oiio.ImageBufAlgo.checker(made, 64, 64, 1, (0.1, 0.2, 0.3), (0.9, 0.5, 0.4))
-    made.write(str(folder / "sky.hdr"))
+    image = oiio.ImageBuf(oiio.ImageSpec(4096, 2048, 3, oiio.FLOAT))
+    oiio.ImageBufAlgo.checker(image, 64, 64, 1, (0.1, 0.2, 0.3), (0.9, 0.5, 0.4))
+    image.write(str(folder / "sky.hdr"))
     return text(f'sphere(1)\ndome("sky.hdr")\n{CAMERA}')(folder)
 
 

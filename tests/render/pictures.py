@@ -16,16 +16,16 @@ from maquette.render.types import View
 
 def planned(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = None, **settings: Any) -> tuple[ir.Scene, plan.Plan, View]:
     """A scene of these tables, its plan and the view of its first camera; one sample at the centre on black unless said."""
-    asked = {"size": (96, 96), "samples": 1, "background": (0.0, 0.0, 0.0), "threads": 1, **settings}
+    complete = {"size": (96, 96), "samples": 1, "background": (0.0, 0.0, 0.0), "threads": 1, **settings}
     scene = ir.Scene("test", tables, names=ir.Names(cameras=("",)))
-    made = plan.make_plan(scene, ir.Settings(backend=backend, **asked), overrides)
-    return scene, made, View(0, *asked["size"])
+    decided = plan.make_plan(scene, ir.Settings(backend=backend, **complete), overrides)
+    return scene, decided, View(0, *complete["size"])
 
 
 def renderer(tables: ir.Tables, backend: str, overrides: dict[str, str] | None = None, **settings: Any) -> Any:
     """A backend ready to draw."""
-    scene, made, view = planned(tables, backend, overrides, **settings)
-    return kernel_choice.make_renderer(scene, made, view, general())
+    scene, decided, view = planned(tables, backend, overrides, **settings)
+    return kernel_choice.make_renderer(scene, decided, view, general())
 
 
 def general() -> bool:
@@ -35,8 +35,8 @@ def general() -> bool:
 
 def picture(tables: ir.Tables, backend: str = "raster", overrides: dict[str, str] | None = None, **settings: Any) -> Image:
     """The picture a backend makes."""
-    scene, made, view = planned(tables, backend, overrides, **settings)
-    return film.run(kernel_choice.make_renderer(scene, made, view, general()), made, view)
+    scene, decided, view = planned(tables, backend, overrides, **settings)
+    return film.run(kernel_choice.make_renderer(scene, decided, view, general()), decided, view)
 
 
 def aov(tables: ir.Tables, name: str, backend: str = "raster", overrides: dict[str, str] | None = None, **settings: Any) -> np.ndarray:

@@ -26,33 +26,33 @@ OPTIONS = Options(seed=0, bounces=0, interreflection=False, shadows=True, backgr
 
 def matrix(translate: Any = (0, 0, 0), linear: Any = None) -> np.ndarray:
     """(4, 4) from a translation and a 3×3 linear part."""
-    made = np.eye(4)
-    made[:3, :3] = np.eye(3) if linear is None else linear
-    made[:3, 3] = translate
-    return made
+    frame = np.eye(4)
+    frame[:3, :3] = np.eye(3) if linear is None else linear
+    frame[:3, 3] = translate
+    return frame
 
 
 def turn(axis: int, angle: float) -> np.ndarray:
     """3×3 rotation about x, y or z, counter-clockwise seen from the axis' end."""
     c, s = np.cos(angle), np.sin(angle)
-    made = np.eye(3)
+    rotation = np.eye(3)
     a, b = (axis + 1) % 3, (axis + 2) % 3
-    made[a, a], made[a, b], made[b, a], made[b, b] = c, -s, s, c
-    return made
+    rotation[a, a], rotation[a, b], rotation[b, a], rotation[b, b] = c, -s, s, c
+    return rotation
 
 
-def looking(position: Sequence[float], at: Sequence[float], up: Sequence[float] = (0, 1, 0)) -> np.ndarray:
+def looking(position: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0)) -> np.ndarray:
     """(4, 4) frame of a camera that looks down its -z from a position to a point."""
-    z = np.asarray(position, float) - np.asarray(at, float)
+    z = np.asarray(position, float) - np.asarray(target, float)
     z /= np.linalg.norm(z)
     x = np.cross(up, z)
     x /= np.linalg.norm(x)
     return matrix(position, np.stack([x, np.cross(z, x), z], axis=1))
 
 
-def facing(position: Sequence[float], at: Sequence[float]) -> np.ndarray:
+def facing(position: Sequence[float], target: Sequence[float]) -> np.ndarray:
     """(4, 4) frame whose +y points from a position to a point: where an area light shines."""
-    y = np.asarray(at, float) - np.asarray(position, float)
+    y = np.asarray(target, float) - np.asarray(position, float)
     y /= np.linalg.norm(y)
     x = np.cross(y, [0.0, 0.0, 1.0] if abs(y[2]) < 0.9 else [1.0, 0.0, 0.0])
     x /= np.linalg.norm(x)

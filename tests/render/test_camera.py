@@ -73,12 +73,12 @@ def test_off_axis_frustum():
     """A shift of s shows what a frustum with l, r = (∓½ + s) · width of the near plane does: ndc = (2nX/z − r − l)/(r − l)."""
     tables = scene(make.IDENTITY, shift=(0.2, -0.1), near=1.0)
     half_x, half_y = 0.5 * 64 / 48, 0.5
-    left, right = (-1 + 0.4) * half_x, (1 + 0.4) * half_x
+    low_x, high_x = (-1 + 0.4) * half_x, (1 + 0.4) * half_x
     low, high = (-1 - 0.2) * half_y, (1 - 0.2) * half_y
     points = np.array([[0.3, 0.1, -2.0], [-0.1, 0.05, -1.5]])
     x, y, _ = pixels_of(tables, points)
     z = -points[:, 2]
-    assert x / 32 - 1 == pytest.approx((2 * points[:, 0] / z - right - left) / (right - left), rel=1e-10)
+    assert x / 32 - 1 == pytest.approx((2 * points[:, 0] / z - high_x - low_x) / (high_x - low_x), rel=1e-10)
     assert 1 - y / 24 == pytest.approx((2 * points[:, 1] / z - high - low) / (high - low), rel=1e-10)
 
 
@@ -127,14 +127,14 @@ def through(tables, x, y, samples, view=VIEW, time=None):
 
 def test_rays_from_all_over_a_lens_meet_in_the_plane_in_focus():
     """Where the pinhole's ray meets the plane z = −focus of the camera's frame; their origins fill a disk of the lens' radius evenly."""
-    tables, plain = scene(lens=0.25, focus=3.0, shift=(0.1, -0.2)), scene(shift=(0.1, -0.2))
+    tables, pinhole = scene(lens=0.25, focus=3.0, shift=(0.1, -0.2)), scene(shift=(0.1, -0.2))
     eye, axis = FRAME[:3, 3], -FRAME[:3, 2]
     for x, y in ((0.5, 0.5), (40.2, 31.0)):
         origin, direction, _ = through(tables, x, y, 4096)
-        _, straight, _ = rays(plain, [x], [y])
-        met = eye + straight[0] * 3.0 / (straight[0] @ axis)
-        closest = origin + direction * np.sum((met - origin) * direction, axis=1)[:, None]
-        assert np.abs(closest - met).max() < 1e-12
+        _, straight, _ = rays(pinhole, [x], [y])
+        focused = eye + straight[0] * 3.0 / (straight[0] @ axis)
+        closest = origin + direction * np.sum((focused - origin) * direction, axis=1)[:, None]
+        assert np.abs(closest - focused).max() < 1e-12
         assert np.linalg.norm(direction, axis=1) == pytest.approx(1.0, abs=1e-14)
         place = (origin - eye) @ FRAME[:3, :3]
         assert np.abs(place[:, 2]).max() < 1e-14
@@ -215,13 +215,13 @@ def clipped(planes, **camera_):
 def test_rays_see_the_positive_side_of_all_clipping_planes(planes, projection):
     tables = clipped(planes, projection=projection)
     ray = camera.pinhole_ray(tables, VIEW, np.arange(0.5, 64, 7), np.arange(0.5, 48, 5))
-    whole = camera.pinhole_ray(scene(near=0.1, far=9.0, projection=projection), VIEW, np.arange(0.5, 64, 7), np.arange(0.5, 48, 5))
+    unclipped = camera.pinhole_ray(scene(near=0.1, far=9.0, projection=projection), VIEW, np.arange(0.5, 64, 7), np.arange(0.5, 48, 5))
     t = np.linspace(0, 12, 97)[:, None]
     points = vector(ray.origin) + t[..., None] * vector(ray.direction)
     local = (points - FRAME[:3, 3]) @ FRAME[:3, :3]
     heights = np.array([local @ p[:3] + p[3] for p in planes]).reshape(-1, *local.shape[:2])
     unsure = (np.abs(heights) < 1e-9).any(axis=0)
-    seen = (heights > 0).all(axis=0) & (whole.t_min < t) & (t < whole.t_max)
+    seen = (heights > 0).all(axis=0) & (unclipped.t_min < t) & (t < unclipped.t_max)
     assert np.all(((ray.t_min < t) & (t < ray.t_max) == seen) | unsure)
     assert np.all(ray.t_min <= ray.t_max)
 

@@ -47,9 +47,9 @@ def run(*arguments: object) -> tuple[int, str]:
 def pixels(path: str) -> tuple[np.ndarray, tuple[str, ...]]:
     source = oiio.ImageInput.open(path)
     assert source is not None
-    found = np.asarray(source.read_image(0, 0, 0, source.spec().nchannels, oiio.FLOAT)), tuple(source.spec().channelnames)
+    values = np.asarray(source.read_image(0, 0, 0, source.spec().nchannels, oiio.FLOAT)), tuple(source.spec().channelnames)
     source.close()
-    return found
+    return values
 
 
 @pytest.mark.long
@@ -64,12 +64,12 @@ def pixels(path: str) -> tuple[np.ndarray, tuple[str, ...]]:
     ],
 )  # fmt: skip
 def test_strips_make_the_file_that_the_whole_makes(folder, monkeypatch, backend, name, more):
-    whole = run("--backend", backend, "-o", name, *more)
+    at_once = run("--backend", backend, "-o", name, *more)
     first = pixels(name)
     hold_less(monkeypatch)
     parts = run("--backend", backend, "-o", "b" + name, *more)
     second = pixels("b" + name)
-    assert whole[0] == parts[0] == 0
+    assert at_once[0] == parts[0] == 0
     assert first[1] == second[1]
     assert np.array_equal(first[0], second[0])
     assert len(np.unique(first[0])) > 20
@@ -110,7 +110,7 @@ def test_an_interrupted_picture_is_kept_aside(folder, small, monkeypatch):
     assert code == 130
     assert "interrupted: the partial picture is in a.partial.exr" in said
     assert (folder / "a.exr").read_bytes() == b"old"
-    found = pixels("a.partial.exr")[0]
-    assert found.shape[0] == 150
-    assert found[:64].any()
-    assert not found[64:].any()
+    values = pixels("a.partial.exr")[0]
+    assert values.shape[0] == 150
+    assert values[:64].any()
+    assert not values[64:].any()

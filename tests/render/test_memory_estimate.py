@@ -28,8 +28,8 @@ def needs(scene: ir.Scene, linear: bool = False, **settings: Any) -> memory_esti
 
 def test_more_work_takes_more_memory(ball: ir.Scene) -> None:
     """One sample; several, with an error; rounds, with sums; floats and channels on disk."""
-    one, several, rounds = needs(ball, samples=1), needs(ball, samples=4), needs(ball, error=0.05)
-    assert one.pixel < several.pixel < rounds.pixel
+    single, several, rounds = needs(ball, samples=1), needs(ball, samples=4), needs(ball, error=0.05)
+    assert single.pixel < several.pixel < rounds.pixel
     assert needs(ball, True, samples=4).pixel == several.pixel + 12
     assert needs(ball, True, samples=4, aov=("depth", "normal")).pixel == several.pixel + 12 + 2 * 4 * 4
     assert several.total(1000) == several.fixed + 1000 * several.pixel

@@ -27,13 +27,13 @@ ARRAY = arrays.arrays(KINDS, arrays.array_shapes(min_dims=0, min_side=0, max_sid
 @settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(st.dictionaries(st.text(max_size=5), PLAIN, max_size=3), st.dictionaries(st.text(max_size=5), ARRAY, max_size=3))
 def test_a_message_keeps_data_and_arrays(about: dict[str, Any], given_arrays: dict[str, np.ndarray]) -> None:
-    found, there = packing.unpack(packing.pack(about, given_arrays))
-    assert found == about
-    assert list(there) == list(given_arrays)
+    unpacked, unpacked_arrays = packing.unpack(packing.pack(about, given_arrays))
+    assert unpacked == about
+    assert list(unpacked_arrays) == list(given_arrays)
     for name, array in given_arrays.items():
-        assert there[name].dtype == array.dtype
-        assert there[name].tobytes() == array.tobytes()
-        assert there[name].shape == array.shape
+        assert unpacked_arrays[name].dtype == array.dtype
+        assert unpacked_arrays[name].tobytes() == array.tobytes()
+        assert unpacked_arrays[name].shape == array.shape
 
 
 def test_a_message_with_objects_is_refused() -> None:

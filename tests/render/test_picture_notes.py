@@ -20,14 +20,16 @@ FAINT = (  # 0.8 of the ambient light
 BLACK = "note: the picture is black: no light reaches what the camera sees\n  --aov depth shows the shapes"
 
 
-@pytest.mark.parametrize(("light", "exposure", "told"), [(0.0003, None, [FAINT]), (0.0003, 12.0, []), (0, None, [BLACK]), (0.3, None, [])])
-def test_a_black_picture_is_told(tmp_path: Path, light: float, exposure: float | None, told: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("light", "exposure", "expected"), [(0.0003, None, [FAINT]), (0.0003, 12.0, []), (0, None, [BLACK]), (0.3, None, [])]
+)
+def test_a_black_picture_is_told(tmp_path: Path, light: float, exposure: float | None, expected: list[str]) -> None:
     (tmp_path / "a.scene").write_text(SCENE.format(light=light), encoding="utf-8")
     scene = maquette.load(tmp_path / "a.scene")
     plan = planner.make_plan(scene, ir.Settings(size=(32, 24), samples=1, exposure=exposure))
     image = render_scene.draw(scene, plan)
-    found = picture_notes.exposure_notes(image.metadata)
-    assert [render_text(each, lambda file: None) for each in found] == told
+    notes = picture_notes.exposure_notes(image.metadata)
+    assert [render_text(each, lambda file: None) for each in notes] == expected
 
 
 LAMP = """\
@@ -41,7 +43,7 @@ TINY = "the picture is black: no light reaches what the camera sees"
 
 
 @pytest.mark.parametrize(
-    ("text", "size", "crop", "told"),
+    ("text", "size", "crop", "expected"),
     [
         (LAMP.format(x=0.5), (64, 48), None, []),  # three pixels are bright
         (LAMP.format(x=0.5), (64, 48), (26, 20, 32, 28), [CROP]),
@@ -54,12 +56,12 @@ TINY = "the picture is black: no light reaches what the camera sees"
     ],
 )
 def test_a_picture_with_any_light_is_not_black(
-    tmp_path: Path, text: str, size: tuple[int, int], crop: tuple[int, int, int, int] | None, told: list[str]
+    tmp_path: Path, text: str, size: tuple[int, int], crop: tuple[int, int, int, int] | None, expected: list[str]
 ) -> None:
     (tmp_path / "a.scene").write_text(text, encoding="utf-8")
     plan = planner.make_plan(maquette.load(tmp_path / "a.scene"), ir.Settings(size=size, crop=crop, samples=64))
     image = render_scene.draw(maquette.load(tmp_path / "a.scene"), plan)
-    assert [each.message for each in picture_notes.exposure_notes(image.metadata)] == told
+    assert [each.message for each in picture_notes.exposure_notes(image.metadata)] == expected
 
 
 CAUSTIC = """\
@@ -83,24 +85,24 @@ def test_stray_bright_samples_are_told_where_they_are(tmp_path: Path, seed: int)
     errors = np.square(image.channels["rgba"][..., :3] - truth).mean(axis=2) / (light.mean(axis=2) + 1e-4 * light.mean())
     share = errors.max() / errors.sum()
     assert not 0.3 < share < 0.6  # one or the other
-    found = [each.message for each in picture_notes.sparse_error_notes(image.metadata)]
-    assert [message.split(": ")[1] for message in found] == ["stray bright samples, so the error is uncertain"] * bool(share > 0.5)
+    messages = [each.message for each in picture_notes.sparse_error_notes(image.metadata)]
+    assert [message.split(": ")[1] for message in messages] == ["stray bright samples, so the error is uncertain"] * bool(share > 0.5)
 
 
-@pytest.mark.parametrize(("denoised", "crop", "told"), [(True, (0, 0, 8, 8), 1), (True, None, 0), (False, (0, 0, 8, 8), 0)])
-def test_a_denoised_crop_is_told(tmp_path: Path, denoised: bool, crop: tuple[int, int, int, int] | None, told: int) -> None:
+@pytest.mark.parametrize(("denoised", "crop", "expected"), [(True, (0, 0, 8, 8), 1), (True, None, 0), (False, (0, 0, 8, 8), 0)])
+def test_a_denoised_crop_is_told(tmp_path: Path, denoised: bool, crop: tuple[int, int, int, int] | None, expected: int) -> None:
     (tmp_path / "a.scene").write_text(SCENE.format(light=1), encoding="utf-8")
     plan = planner.make_plan(maquette.load(tmp_path / "a.scene"), ir.Settings(size=(32, 24), crop=crop))
-    found = picture_notes.cropped_notes({"denoised": denoised}, plan)
+    notes = picture_notes.cropped_notes({"denoised": denoised}, plan)
     message = (
         "note: the crop is denoised without the pixels around it: at its edges it may differ from the whole picture\n"
         "  a crop that is 96 pixels larger on each side has the same pixels inside, or --no-denoise"
     )
-    assert [render_text(each, lambda file: None) for each in found] == [message] * told
+    assert [render_text(each, lambda file: None) for each in notes] == [message] * expected
 
 
 def test_a_picture_knows_what_light_it_leaves_out(tmp_path: Path) -> None:
     text = "sphere(1)\nplane(y: -1)\ndirectional([0, 1, 0])\ncamera(position: [0, 0, 5], look_at: [0, 0, 0])\n"
     (tmp_path / "a.scene").write_text(text, encoding="utf-8")
-    found = maquette.render(tmp_path / "a.scene", size=(8, 6), samples=1).metadata
-    assert (found["bias"], found["left_out"]) == (None, ("light that diffuse surfaces send on is left out",))
+    metadata = maquette.render(tmp_path / "a.scene", size=(8, 6), samples=1).metadata
+    assert (metadata["bias"], metadata["left_out"]) == (None, ("light that diffuse surfaces send on is left out",))

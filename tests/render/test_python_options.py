@@ -46,10 +46,10 @@ WRONG: tuple[tuple[dict[str, Any], str], ...] = (
 )
 
 
-@pytest.mark.parametrize(("given", "message"), WRONG, ids=[str(given) for given, _ in WRONG])
-def test_wrong_values(given: dict[str, Any], message: str) -> None:
+@pytest.mark.parametrize(("settings", "message"), WRONG, ids=[str(settings) for settings, _ in WRONG])
+def test_wrong_values(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=r".") as error:
-        picture_settings(given)
+        picture_settings(settings)
     assert str(error.value) == message
 
 

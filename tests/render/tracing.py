@@ -29,8 +29,8 @@ def same(tables: ir.Tables, ray: Ray, bit: int = 1) -> tuple[np.ndarray, ...]:
     """Hits of rays, after BVH, brute force in a kernel and numpy agreed bit for bit."""
     expected = by_brute_force(tables, ray, bit)
     for brute in (False, True):
-        for found, wanted in zip(trace_kernels(tables, ray, bit, brute), expected, strict=True):
-            np.testing.assert_array_equal(found, wanted)
+        for column, expected_column in zip(trace_kernels(tables, ray, bit, brute), expected, strict=True):
+            np.testing.assert_array_equal(column, expected_column)
     return expected
 
 

@@ -27,17 +27,17 @@ def pictures() -> list[Any]:
     """Every example on both backends; all but QUICK are long, since each compiles specialised kernels."""
     every = [(path, backend) for path in EXAMPLES for backend in ("auto", "raster") if (path.stem, backend) != ("panorama", "raster")]
     marks = {True: [], False: [pytest.mark.long]}
-    return [pytest.param(*one, id=f"{one[0].stem}-{one[1]}", marks=marks[(one[0].stem, one[1]) in QUICK]) for one in every]
+    return [pytest.param(*case, id=f"{case[0].stem}-{case[1]}", marks=marks[(case[0].stem, case[1]) in QUICK]) for case in every]
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("path", "backend"), pictures())
 def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, path: Path, backend: str) -> None:
-    found = []
+    images = []
     for kind in ("special", "general"):
         monkeypatch.setenv(kernel_choice.VARIABLE, kind)
-        found.append(draw(path, backend=backend))
-    special, general = map(np.asarray, found)
+        images.append(draw(path, backend=backend))
+    special, general = map(np.asarray, images)
     assert np.array_equal(special, general)
 
 

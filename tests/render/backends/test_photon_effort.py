@@ -48,6 +48,6 @@ def test_light_that_photons_alone_carry_gets_many(found):
 @pytest.mark.long
 def test_the_number_does_not_depend_on_threads(found):
     """With an error, rounds end where photons are renewed."""
-    one, other = (found(BULB, error=0.3, samples=256, threads=n) for n in (1, 2))
-    assert one[1] == other[1]
-    assert np.array_equal(one[0], other[0])
+    by_one, by_two = (found(BULB, error=0.3, samples=256, threads=n) for n in (1, 2))
+    assert by_one[1] == by_two[1]
+    assert np.array_equal(by_one[0], by_two[0])

@@ -51,8 +51,8 @@ def still_life() -> ir.Tables:
 
 
 def ray(tables: ir.Tables, overrides: dict[str, str] | None = None, **settings: Any) -> Any:
-    asked = {"size": (60, 44), "samples": 4, "background": "sky", "aov": ("depth", "normal", "id"), **settings}
-    return picture(tables, "ray", overrides, **asked)
+    complete = {"size": (60, 44), "samples": 4, "background": "sky", "aov": ("depth", "normal", "id"), **settings}
+    return picture(tables, "ray", overrides, **complete)
 
 
 def same(a: Any, b: Any) -> None:
@@ -63,25 +63,25 @@ def same(a: Any, b: Any) -> None:
 @pytest.mark.long
 def test_threads_and_trees_change_no_bit() -> None:
     tables = still_life()
-    one = ray(tables, threads=1)
-    assert one.metadata["issues"] == 0
-    assert len(np.unique(one.channels["id"][..., 0])) >= 9
+    single = ray(tables, threads=1)
+    assert single.metadata["issues"] == 0
+    assert len(np.unique(single.channels["id"][..., 0])) >= 9
     for other in (ray(tables, threads=2), ray(tables, threads=5), ray(tables, {"accelerator": "brute_force"})):
-        same(one, other)
+        same(single, other)
 
 
 def test_an_adaptive_picture_is_the_same_for_any_number_of_threads() -> None:
-    asked = {"samples": None, "error": 0.15}
-    one, two, five = (ray(still_life(), threads=n, **asked) for n in (1, 2, 5))
-    same(one, two)
-    same(one, five)
-    assert one.metadata["samples_mean"] == two.metadata["samples_mean"]
+    settings = {"samples": None, "error": 0.15}
+    by_one, by_two, by_five = (ray(still_life(), threads=n, **settings) for n in (1, 2, 5))
+    same(by_one, by_two)
+    same(by_one, by_five)
+    assert by_one.metadata["samples_mean"] == by_two.metadata["samples_mean"]
 
 
 def test_a_crop_is_a_part_of_the_whole() -> None:
-    whole, part = ray(still_life()), ray(still_life(), crop=(7, 5, 50, 41))
+    complete, part = ray(still_life()), ray(still_life(), crop=(7, 5, 50, 41))
     for name, channel in part.channels.items():
-        np.testing.assert_array_equal(channel, whole.channels[name][5:41, 7:50])
+        np.testing.assert_array_equal(channel, complete.channels[name][5:41, 7:50])
 
 
 @pytest.mark.long
@@ -89,9 +89,9 @@ def test_the_error_asked_for_is_reached() -> None:
     tables = still_life()
     truth = ray(tables, samples=512, aov=()).channels["rgba"][..., :3]
     for error in (0.2, 0.1):
-        found = ray(tables, samples=None, error=error, aov=(), seed=7)
-        assert metrics.root_relmse(found.channels["rgba"][..., :3], truth) < 1.15 * error
-        assert found.metadata["error"] < error
+        image = ray(tables, samples=None, error=error, aov=(), seed=7)
+        assert metrics.root_relmse(image.channels["rgba"][..., :3], truth) < 1.15 * error
+        assert image.metadata["error"] < error
 
 
 def focus_of_a_ball(height: float, index: float) -> float:

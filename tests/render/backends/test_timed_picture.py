@@ -85,10 +85,10 @@ def test_the_picture_is_as_fine_as_the_time_allows(each: float, resolution: int)
     assert renderer.size == SIZE
     assert (image.width, image.height, image.metadata["size"]) == (*SIZE, SIZE)
     np.testing.assert_allclose(image.channels["rgba"][..., 0], expected(), atol=0.5 * resolution / SIZE[0] + 1e-6)
-    found = picture_notes.budget_warnings(image.metadata, plan_of(10.0))
+    warnings = picture_notes.budget_warnings(image.metadata, plan_of(10.0))
     width, height = SIZE[0] // resolution, SIZE[1] // resolution
     about = f"the budget of 10 s has no time for a sample of each pixel: the picture is drawn at {width}x{height} pixels and enlarged"
-    assert [d.message for d in found] == ([] if resolution == 1 else [about])
+    assert [d.message for d in warnings] == ([] if resolution == 1 else [about])
 
 
 def test_a_spent_budget_still_gives_a_picture() -> None:
@@ -104,9 +104,9 @@ def test_without_another_size_pixels_show_the_nearest() -> None:
     image = drawn(Ramp(1e-3, resizes=False), 4.0)  # a pass takes 6 s
     assert 0.3 < image.metadata["filled"] < 0.9
     assert image.channels["rgba"][..., 3].min() == 1.0
-    found = picture_notes.budget_warnings(image.metadata, plan_of(4.0))
+    warnings = picture_notes.budget_warnings(image.metadata, plan_of(4.0))
     share = f"{image.metadata['filled']:.1%}"
-    assert [d.message for d in found] == [f"the budget of 4 s ended before {share} of the pixels had a sample: they show what is near"]
+    assert [d.message for d in warnings] == [f"the budget of 4 s ended before {share} of the pixels had a sample: they show what is near"]
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 7), (64, 1), (37, 23), (64, 48)])
@@ -115,11 +115,11 @@ def test_holes_show_what_is_around(size: tuple[int, int], share: float, bound: f
     w, h = size
     rows, columns = np.mgrid[:h, :w]
     ramp = np.stack([columns / w, rows / h, np.full((h, w), 0.25), np.ones((h, w))], axis=-1).astype(np.float32)
-    there = np.random.default_rng(7).random((h, w)) < share
-    there[h // 2, w // 2] = True
-    pixels = np.where(there[..., None], ramp, np.float32(np.nan))
-    timed_picture.fill_holes(pixels, ~there)
-    assert np.all(pixels[there] == ramp[there])
+    drawn = np.random.default_rng(7).random((h, w)) < share
+    drawn[h // 2, w // 2] = True
+    pixels = np.where(drawn[..., None], ramp, np.float32(np.nan))
+    timed_picture.fill_holes(pixels, ~drawn)
+    assert np.all(pixels[drawn] == ramp[drawn])
     assert np.all(pixels[..., 2] == 0.25)
     assert np.all(pixels[..., 3] == 1.0)
     assert np.abs(pixels - ramp)[..., :2].mean() < bound
@@ -153,15 +153,15 @@ def test_channels_are_drawn_at_full_size() -> None:
 def test_a_denoised_picture_without_time_for_it_says_so() -> None:
     image = drawn(Ramp(1e-3), 1.0, denoise="on")
     assert image.metadata["denoising_left_out"]
-    found = picture_notes.budget_warnings(image.metadata, plan_of(1.0, denoise="on"))
-    assert ("warning", "the picture is not denoised: the budget of 1 s has no time for it") in [(d.severity, d.message) for d in found]
+    warnings = picture_notes.budget_warnings(image.metadata, plan_of(1.0, denoise="on"))
+    assert ("warning", "the picture is not denoised: the budget of 1 s has no time for it") in [(d.severity, d.message) for d in warnings]
 
 
 def test_enlarged_keeps_what_is_even_and_linear() -> None:
     even = np.full((3, 5, 4), 2.5, np.float32)
     assert np.all(timed_picture.enlarged(even, (5, 3), (0, 0, 5, 3), (50, 30), (0, 0, 50, 30)) == 2.5)
-    one = timed_picture.enlarged(np.ones((1, 1, 4), np.float32), (1, 1), (0, 0, 1, 1), (7, 5), (0, 0, 7, 5))
-    assert one.shape == (5, 7, 4)
+    single = timed_picture.enlarged(np.ones((1, 1, 4), np.float32), (1, 1), (0, 0, 1, 1), (7, 5), (0, 0, 7, 5))
+    assert single.shape == (5, 7, 4)
 
 
 def test_a_kernel_that_compiles_in_the_first_call_leaves_half_of_the_budget() -> None:
@@ -179,38 +179,38 @@ def test_late_pictures_say_what_took_the_time() -> None:
     about: dict[str, Any] = {"seconds": {"compile_kernels": 0.1}, "ready": 1.0, "ready_cpu": 0.9}
     took = "the picture took 9.0 s, more than its budget of 5 s"
 
-    def told(cpu: float = 8.0, **more: Any) -> str:
-        (found,) = picture_notes.late_warnings({**about, **more}, Deadline.ended(5.0, 9.0, cpu))
-        return found.message
+    def message(cpu: float = 8.0, **more: Any) -> str:
+        (warning,) = picture_notes.late_warnings({**about, **more}, Deadline.ended(5.0, 9.0, cpu))
+        return warning.message
 
     assert picture_notes.late_warnings(about, Deadline.ended(5.0, 5.4, 5.0)) == []
     assert picture_notes.late_warnings(about, Deadline.ended(math.inf, 9.0, 8.0)) == []
     assert picture_notes.late_warnings({**about, "partial": True}, Deadline.ended(5.0, 9.0, 8.0)) == []
-    assert told() == took
-    assert told(ready=6.0, ready_cpu=5.0) == f"{took}: reading and preparing the scene took 6.0 s"
-    assert told(seconds={"compile_kernels": 3.0}) == f"{took}: compiling kernels took 3.0 s, once"
-    assert told(seconds={"write": 3.5}) == f"{took}: writing the picture took 3.5 s"
+    assert message() == took
+    assert message(ready=6.0, ready_cpu=5.0) == f"{took}: reading and preparing the scene took 6.0 s"
+    assert message(seconds={"compile_kernels": 3.0}) == f"{took}: compiling kernels took 3.0 s, once"
+    assert message(seconds={"write": 3.5}) == f"{took}: writing the picture took 3.5 s"
 
 
 def test_late_pictures_say_that_other_work_took_the_processor() -> None:
     about = {"seconds": {}, "ready": 102.4, "ready_cpu": 1.9}
-    (found,) = picture_notes.late_warnings(about, Deadline.ended(5.0, 105.0, 2.0))
-    assert found.message == (
+    (warning,) = picture_notes.late_warnings(about, Deadline.ended(5.0, 105.0, 2.0))
+    assert warning.message == (
         "the picture took 105.0 s, more than its budget of 5 s: reading and preparing the scene took 102.4 s, "
         "of which a processor worked 1.9 s"
     )
-    assert found.hint == "other work or a slow disk delays it: end that work, or give a longer --budget"
-    (found,) = picture_notes.late_warnings({}, Deadline.ended(5.0, 20.0, 3.0), "the chart")
-    assert found.message == "the chart took 20.0 s, more than its budget of 5 s, of which a processor worked 3.0 s"
+    assert warning.hint == "other work or a slow disk delays it: end that work, or give a longer --budget"
+    (warning,) = picture_notes.late_warnings({}, Deadline.ended(5.0, 20.0, 3.0), "the chart")
+    assert warning.message == "the chart took 20.0 s, more than its budget of 5 s, of which a processor worked 3.0 s"
 
 
 def test_late_pictures_name_all_steps_that_matter() -> None:
     about = {"seconds": {"write": 3.5}, "ready": 2.3, "ready_cpu": 2.0}
-    (found,) = picture_notes.late_warnings(about, Deadline.ended(4.0, 7.5, 7.0))
-    assert found.message == (
+    (warning,) = picture_notes.late_warnings(about, Deadline.ended(4.0, 7.5, 7.0))
+    assert warning.message == (
         "the picture took 7.5 s, more than its budget of 4 s: reading and preparing the scene took 2.3 s; writing the picture took 3.5 s"
     )
-    assert found.hint == "a longer --budget or a smaller --size"
+    assert warning.hint == "a longer --budget or a smaller --size"
 
 
 def test_a_picture_that_is_late_in_any_case_is_whole_where_that_takes_little() -> None:

@@ -65,21 +65,21 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, str]]] = {
 
 @pytest.fixture(scope="module")
 def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
-    made = Processes(tmp_path_factory.mktemp("dask"))
+    running = Processes(tmp_path_factory.mktemp("dask"))
     try:
-        made.start(2)
-        yield made
+        running.start(2)
+        yield running
     finally:
-        made.close()
+        running.close()
 
 
 @pytest.fixture
 def cluster(processes: Processes) -> Iterator[Cluster]:
     """A connection to two workers, started again where a test killed some."""
     processes.start(2 - len(processes.workers))
-    with dask_cluster.connect(processes.address) as made:
-        until(lambda: made.workers == 2, "two workers")
-        yield made
+    with dask_cluster.connect(processes.address) as connection:
+        until(lambda: connection.workers == 2, "two workers")
+        yield connection
 
 
 def planned(text: str, overrides: dict[str, str] | None = None, **settings: Any) -> tuple[ir.Scene, Plan]:
@@ -106,17 +106,17 @@ def test_a_picture_equals_that_of_one_process(cluster: Cluster, case: str) -> No
     text, settings, overrides = CASES[case]
     scene, plan = planned(text, overrides, **settings)
     shares: list[float] = []
-    found = there(cluster, scene, plan, lambda progress: shares.append(progress.share))
-    same(render_scene.draw(scene, plan), found)
+    image = there(cluster, scene, plan, lambda progress: shares.append(progress.share))
+    same(render_scene.draw(scene, plan), image)
     assert max(shares) == 1.0 or draw.is_in_bands(plan)
     assert cluster.notes() == []
 
 
 def test_the_guides_of_the_denoiser_equal_those_of_one_process(cluster: Cluster) -> None:
     scene, plan = planned(BALLS, samples=4)
-    here = render_scene.choose_renderer(scene, plan, View(plan["camera"], *plan["size"]))
+    local = render_scene.choose_renderer(scene, plan, View(plan["camera"], *plan["size"]))
     remote = RemoteRenderer(cluster, scene, plan, None)
-    for mine, theirs in zip(denoise.guides(here, plan), denoise.guides(remote, plan), strict=True):
+    for mine, theirs in zip(denoise.guides(local, plan), denoise.guides(remote, plan), strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
 
@@ -133,7 +133,7 @@ def test_several_pictures_are_drawn_at_a_time(cluster: Cluster) -> None:
 def test_a_checkpoint_goes_on_here_and_there(tmp_path: Path, cluster: Cluster, case: dict[str, Any]) -> None:
     """A picture begun on a cluster goes on in one process, and the other way round."""
     scene, plan = planned(BALLS, size=(288, 216), **case)
-    whole = render_scene.draw(scene, plan)
+    complete = render_scene.draw(scene, plan)
     drawing: dict[bool, Callable[..., Image]] = {
         True: lambda **more: there(cluster, scene, plan, **more), False: lambda **more: render_scene.draw(scene, plan, **more)
     }  # fmt: skip
@@ -150,7 +150,7 @@ def test_a_checkpoint_goes_on_here_and_there(tmp_path: Path, cluster: Cluster, c
         assert partial.metadata["partial"]
         again = checkpoint.Keeper(path, lambda: "k", 1e9, 1e9, True)
         assert again.found is not None
-        same(whole, drawing[not first](keeper=again))
+        same(complete, drawing[not first](keeper=again))
 
 
 @pytest.mark.long
@@ -177,11 +177,11 @@ def long_picture() -> Image:
 
 def at(share: float, act: Callable[[], Any]) -> Callable[[Progress], None]:
     """A report that acts once, when so much is drawn."""
-    left = [act]
+    actions = [act]
 
     def report(progress: Progress) -> None:
-        if left and progress.stage == "rendering" and progress.share >= share:
-            left.pop()()
+        if actions and progress.stage == "rendering" and progress.share >= share:
+            actions.pop()()
 
     return report
 

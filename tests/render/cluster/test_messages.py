@@ -27,9 +27,9 @@ camera(position: [0, 1.6, 5], look_at: [0, 1, 0], fov: 35deg)
 @pytest.mark.long
 @given(arrays.arrays(np.int64, (3, 4), elements=st.integers(0, 3)))
 def test_numbers_of_samples_are_one_number_if_they_are_equal(counts: np.ndarray) -> None:
-    about, there = messages.counts_to("n", counts)
-    assert bool(there) == (len(np.unique(counts)) > 1)
-    np.testing.assert_array_equal(messages.counts_from("n", (3, 4), about, there), counts)
+    about, sent = messages.counts_to("n", counts)
+    assert bool(sent) == (len(np.unique(counts)) > 1)
+    np.testing.assert_array_equal(messages.counts_from("n", (3, 4), about, sent), counts)
 
 
 def test_a_parcel_keeps_the_scene_without_source_positions() -> None:

@@ -12,8 +12,8 @@ from maquette.render.jit import arena
 
 @pytest.fixture(autouse=True)
 def _empty_arena(monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as here:
-        here.setattr(arena, "MAX_RETAINED", 0)
+    with monkeypatch.context() as context:
+        context.setattr(arena, "MAX_RETAINED", 0)
         borrow(64)
 
 
@@ -48,19 +48,19 @@ def test_a_large_block_is_not_retained(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_nested_arenas_have_their_own_blocks() -> None:
-    with arena.arena(64) as one, arena.arena(64) as other:
-        a, b = one.empty((64,), np.uint8), other.empty((64,), np.uint8)
+    with arena.arena(64) as outer, arena.arena(64) as inner:
+        a, b = outer.empty((64,), np.uint8), inner.empty((64,), np.uint8)
         blocks = watched(a), watched(b)
     assert a.ctypes.data != b.ctypes.data
-    del one, other, a, b
+    del outer, inner, a, b
     assert sum(block() is not None for block in blocks) == 1
 
 
 def test_arrays_are_consecutive_and_aligned_to_cache_lines() -> None:
     with arena.arena(arena.size_of((3, 5), np.float64) + arena.size_of((7,), np.int32)) as memory:
-        one, two = memory.empty((3, 5), np.float64), memory.empty((7,), np.int32)
-        one[:], two[:] = 1.5, 7
-        assert one.sum() == 22.5
-        assert one.ctypes.data % 64 == two.ctypes.data % 64 == 0
+        first, second = memory.empty((3, 5), np.float64), memory.empty((7,), np.int32)
+        first[:], second[:] = 1.5, 7
+        assert first.sum() == 22.5
+        assert first.ctypes.data % 64 == second.ctypes.data % 64 == 0
         with pytest.raises(ValueError, match="too small"):
             memory.empty((1,), np.uint8)

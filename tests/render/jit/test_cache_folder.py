@@ -139,7 +139,7 @@ for note in picture_notes.unkept_kernel_notes():
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("variables", "count", "told"),
+    ("variables", "count", "note"),
     [
         ({"MAQUETTE_CACHE": "cache"}, 2, ""),
         ({"MAQUETTE_CACHE": "file/cache"}, 0, ""),
@@ -155,12 +155,12 @@ for note in picture_notes.unkept_kernel_notes():
         ),
     ],
 )  # fmt: skip
-def test_kernels_that_cannot_be_kept_are_told(tmp_path: Path, variables: dict[str, str], count: int, told: str) -> None:
+def test_kernels_that_cannot_be_kept_are_told(tmp_path: Path, variables: dict[str, str], count: int, note: str) -> None:
     (tmp_path / "file").write_bytes(b"")
     command = [sys.executable, "-c", WRITES, str(count)]
     environment = {**os.environ, **variables, "MAQUETTE_CACHE": str(tmp_path / variables["MAQUETTE_CACHE"])}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert (done.stdout, done.stderr) == (told, "")
+    assert (done.stdout, done.stderr) == (note, "")
 
 
 @pytest.mark.long

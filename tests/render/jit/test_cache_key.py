@@ -67,11 +67,11 @@ class Package:
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
     """A package with kernels that import a constant, and an empty cache folder."""
     monkeypatch.setenv("MAQUETTE_CACHE", str(tmp_path / "cache"))
-    made = Package(tmp_path)
-    made.write("kernel", KERNEL)
-    made.write("constants", CONSTANTS)
-    made.write("other", "OTHER = 1\n\n\ndef check(r):\n    return r\n")
-    return made
+    package_ = Package(tmp_path)
+    package_.write("kernel", KERNEL)
+    package_.write("constants", CONSTANTS)
+    package_.write("other", "OTHER = 1\n\n\ndef check(r):\n    return r\n")
+    return package_
 
 
 def test_the_key_is_the_same_in_every_process(package: Package) -> None:
@@ -158,14 +158,14 @@ def test_damaged_files_are_replaced(package: Package, monkeypatch: pytest.Monkey
     later = time.time_ns() + 10**10
     monkeypatch.setattr(time, "time_ns", lambda: later)  # keys are kept once the files of the package are some seconds old
     before = package.key()
-    kept = package.root / "cache" / file
-    good = kept.read_text(encoding="utf-8")
-    kept.write_text(text, encoding="utf-8")
+    stored = package.root / "cache" / file
+    good = stored.read_text(encoding="utf-8")
+    stored.write_text(text, encoding="utf-8")
     assert package.key() == before
     if file == "keys.json":
-        assert kept.read_text(encoding="utf-8") == good
+        assert stored.read_text(encoding="utf-8") == good
     for place in (0, len(good) // 2, len(good) - 2):
-        kept.write_text(f"{good[:place]}{'a' if good[place] != 'a' else 'b'}{good[place + 1 :]}", encoding="utf-8")
+        stored.write_text(f"{good[:place]}{'a' if good[place] != 'a' else 'b'}{good[place + 1 :]}", encoding="utf-8")
         assert package.key() == before
 
 

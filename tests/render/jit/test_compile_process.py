@@ -94,8 +94,8 @@ print(sum(map(interpreter.is_compiled, interpreter.WIDTHS)), len(interpreter.WID
 interpreter.compile_missing(2)
 assert all(process.poll() is not None for process in started)
 """
-    made, wanted = run(tmp_path, text).split()
-    assert made == wanted
+    compiled, programs = run(tmp_path, text).split()
+    assert compiled == programs
 
 
 def test_kernels_are_found_by_the_names_of_their_functions() -> None:
@@ -108,10 +108,10 @@ def test_kernels_are_found_by_the_names_of_their_functions() -> None:
 
 def test_a_kernel_compiled_here_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(target, "cores", lambda: 2)
-    given = 3, np.ones((8, 2)), np.zeros(2), np.zeros(2, np.int64)
-    shadow_rays.mark_hidden(*given)
-    assert kernel_cache.is_cached(shadow_rays.mark_hidden, tuple(map(typeof, given)))
+    arguments = 3, np.ones((8, 2)), np.zeros(2), np.zeros(2, np.int64)
+    shadow_rays.mark_hidden(*arguments)
+    assert kernel_cache.is_cached(shadow_rays.mark_hidden, tuple(map(typeof, arguments)))
     started: list[object] = []
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **more: started.append(args))
-    compile_process.compile_in_background(2, shadow_rays.mark_hidden, *given)
+    compile_process.compile_in_background(2, shadow_rays.mark_hidden, *arguments)
     assert not started

@@ -29,10 +29,10 @@ def test_compilation_is_timed_apart_from_work() -> None:
     with kernel_cache.timed(seconds, "render"):
         assert double(2) == 4
         time.sleep(0.02)
-    whole = time.perf_counter() - started
+    elapsed = time.perf_counter() - started
     assert seconds["compile_kernels"] > 0.001
     assert seconds["render"] >= 0.02
-    assert seconds["compile_kernels"] + seconds["render"] == pytest.approx(whole, abs=0.01)
+    assert seconds["compile_kernels"] + seconds["render"] == pytest.approx(elapsed, abs=0.01)
     compiled = seconds["compile_kernels"]
     with kernel_cache.timed(seconds, "render"):
         assert double(3) == 6
@@ -105,9 +105,9 @@ def test_processes_that_write_at_the_same_time_keep_their_code_apart(tmp_path: P
         for turn in range(turns):
             together.wait()
             kernel_cache.write(f"kernel{turn % 2}-a-b.kernel", CODE._replace(code=bytes([key]) * (3000 if key % 2 else 3)))
-            found = kernel_cache.read(f"kernel{turn % 2}-a-b.kernel")
-            assert found is not None
-            assert len(found.code) == (3000 if found.code[0] % 2 else 3)
+            code = kernel_cache.read(f"kernel{turn % 2}-a-b.kernel")
+            assert code is not None
+            assert len(code.code) == (3000 if code.code[0] % 2 else 3)
 
     with ThreadPoolExecutor(writers) as pool:
         list(pool.map(write, range(writers)))
@@ -152,8 +152,8 @@ NO_TUPLE = b'{"name":"n","entry":"e","function":"f","result":["named","os","path
 
 def with_header(header: bytes) -> bytes:
     """A file of a header, without code: a line, a digest of 16 bytes, the header's length, the header."""
-    rest = struct.pack("<I", len(header)) + header
-    return b"maquette kernel 1\n" + hashlib.blake2b(rest, digest_size=16).digest() + rest
+    body = struct.pack("<I", len(header)) + header
+    return b"maquette kernel 1\n" + hashlib.blake2b(body, digest_size=16).digest() + body
 
 
 def test_the_format_of_a_file() -> None:

@@ -27,12 +27,12 @@ from numba.core.typing import context as typing_context
 
 def unpatched(module: ModuleType) -> Any:
     """A module loaded a second time: its classes and functions are those of the library."""
-    found = importlib.util.spec_from_file_location(f"{module.__name__}_unpatched", module.__file__ or "")
-    assert found is not None
-    assert found.loader is not None
-    made = importlib.util.module_from_spec(found)
-    found.loader.exec_module(made)
-    return made
+    spec = importlib.util.spec_from_file_location(f"{module.__name__}_unpatched", module.__file__ or "")
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
 
 
 POST_PROCESSOR = unpatched(postproc).PostProcessor
@@ -52,13 +52,13 @@ def all_values(config: Flags) -> dict[str, object]:
 
 
 def test_flags_are_compared_by_all_their_values() -> None:
-    one, other = Flags(), Flags()
-    assert numba_patches.values(one) == all_values(one)
-    assert one == other
-    assert hash(one) == hash(other)
-    one.nrt = True  # pyright: ignore[reportAttributeAccessIssue]
-    assert numba_patches.values(one) == all_values(one)
-    assert one != other
+    first, second = Flags(), Flags()
+    assert numba_patches.values(first) == all_values(first)
+    assert first == second
+    assert hash(first) == hash(second)
+    first.nrt = True  # pyright: ignore[reportAttributeAccessIssue]
+    assert numba_patches.values(first) == all_values(first)
+    assert first != second
 
 
 def slowly(value: object) -> list[ir.Var]:
@@ -67,7 +67,7 @@ def slowly(value: object) -> list[ir.Var]:
     if isinstance(value, ir.Inst):
         return value.list_vars()
     parts = value if isinstance(value, list | tuple) else value.values() if isinstance(value, dict) else ()
-    return [found for part in parts for found in slowly(part)]
+    return [variable for part in parts for variable in slowly(part)]
 
 
 def test_the_same_variables_are_found_in_statements() -> None:
@@ -186,17 +186,17 @@ def test_a_function_registered_between_two_kernels_is_known_to_the_second() -> N
     assert numba.njit(lambda a: a.twice)(4.0) == 8.0
 
 
-@pytest.mark.parametrize(("of", "name"), [
+@pytest.mark.parametrize(("owner", "name"), [
     (types.Module(np), "sqrt"), (types.Module(np), "pi"), (types.Module(math), "pi"),
     (types.float64[:, ::1], "shape"), (types.float64[:, ::1], "ravel"), (types.float64, "real"), (types.float64, "nothing"),
 ])  # fmt: skip
-def test_attributes_have_the_same_types(of: types.Type, name: str) -> None:
+def test_attributes_have_the_same_types(owner: types.Type, name: str) -> None:
     typing: Any = cpu_target.typing_context
-    expected = TYPING.resolve_getattr(typing, of, name)
+    expected = TYPING.resolve_getattr(typing, owner, name)
     for _ in range(2):
-        found = typing.resolve_getattr(of, name)
-        assert type(found) is type(expected)
-        assert str(found) == str(expected)
+        resolved = typing.resolve_getattr(owner, name)
+        assert type(resolved) is type(expected)
+        assert str(resolved) == str(expected)
 
 
 @pytest.mark.parametrize("value", [math.sqrt, np.sqrt, np, sample, 1, 2.5, (1, 2), np.float32, max, operator.add, later])

@@ -171,9 +171,9 @@ def asked(handle, x):
 
 def test_a_tagged_type_is_the_same_block_with_code_omitted():
     handle = Handle(Numbers(np.array([2.0])))
-    plain, without = handle.type, with_type_tags(handle.type, "no numbers")
-    assert plain.field("no numbers") is None
-    assert without.field("numbers") == plain.field("numbers")
+    untagged, without = handle.type, with_type_tags(handle.type, "no numbers")
+    assert untagged.field("no numbers") is None
+    assert without.field("numbers") == untagged.field("numbers")
     assert with_type_tags(handle.type, "no numbers") is without
     assert asked(handle, 1.0) == 3.0
     handle.type = without

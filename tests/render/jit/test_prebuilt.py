@@ -35,8 +35,8 @@ def run(cache: Path, shipped: Path) -> tuple[str, Path]:
     environment = {**os.environ, "MAQUETTE_CACHE": str(cache)}
     command = [sys.executable, "-c", PROGRAM, str(shipped)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    told, folder = done.stdout.splitlines()
-    return told, Path(folder)
+    printed, folder = done.stdout.splitlines()
+    return printed, Path(folder)
 
 
 @pytest.mark.long
@@ -45,11 +45,11 @@ def test_kernels_of_the_package_are_loaded(tmp_path: Path) -> None:
     name = prebuilt.folder_name()
     assert name is not None
     shipped = tmp_path / "prebuilt"
-    told, folder = run(tmp_path / "one", shipped)
-    assert told == f"False True {VALUES}"
+    printed, folder = run(tmp_path / "one", shipped)
+    assert printed == f"False True {VALUES}"
     shutil.copytree(folder, shipped / name)
-    told, folder = run(tmp_path / "two", shipped)
-    assert told == f"True False {VALUES}"
+    printed, folder = run(tmp_path / "two", shipped)
+    assert printed == f"True False {VALUES}"
     assert not [*folder.glob("*.kernel")]
     for path in (shipped / name).iterdir():
         path.write_bytes(path.read_bytes()[:-1])

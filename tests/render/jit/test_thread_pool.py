@@ -10,13 +10,13 @@ from maquette.render.jit import thread_pool
 
 
 def test_each_job_runs_once_and_is_reported_here():
-    told = []
+    reports = []
 
     def tell(job: int, result: tuple[int, int]) -> None:
-        told.append((job, result[0], threading.get_ident()))
+        reports.append((job, result[0], threading.get_ident()))
 
     thread_pool.parallel_for(lambda job: (job * job, threading.get_ident()), range(200), 3, None, tell)
-    assert sorted(told) == [(job, job * job, threading.get_ident()) for job in range(200)]
+    assert sorted(reports) == [(job, job * job, threading.get_ident()) for job in range(200)]
 
 
 def test_two_threads_work_at_the_same_time():
@@ -90,10 +90,10 @@ def test_workers_stay_off_the_callers_core():
 
 
 def test_a_caller_that_waits_runs_no_job():
-    here, ran, told = threading.get_ident(), [], []
-    thread_pool.parallel_for(lambda k: ran.append(threading.get_ident()), range(20), 3, None, lambda k, _: told.append(k), waits=True)
-    assert sorted(told) == list(range(20))
-    assert here not in ran
+    caller, ran, reported = threading.get_ident(), [], []
+    thread_pool.parallel_for(lambda k: ran.append(threading.get_ident()), range(20), 3, None, lambda k, _: reported.append(k), waits=True)
+    assert sorted(reported) == list(range(20))
+    assert caller not in ran
     assert 1 <= len(set(ran)) <= 3
     thread_pool.parallel_for(lambda k: ran.append(k), [], 3, waits=True)
     assert len(ran) == 20

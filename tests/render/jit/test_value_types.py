@@ -54,11 +54,11 @@ def test_vectors_survive_plain_data() -> None:
 
 
 @pytest.mark.parametrize(
-    "plain", [["named", "maquette.render.types", "Tile", ["x"], []], ["named", "maquette.nothing", "Tile", [], []], ["other"], []]
+    "data", [["named", "maquette.render.types", "Tile", ["x"], []], ["named", "maquette.nothing", "Tile", [], []], ["other"], []]
 )
-def test_other_data_are_no_types(plain: Any) -> None:
+def test_other_data_are_no_types(data: Any) -> None:
     with pytest.raises((ValueError, LookupError, ImportError, AttributeError, TypeError)):
-        value_types.from_plain(plain)
+        value_types.from_plain(data)
 
 
 def test_kernels_take_no_text() -> None:
@@ -77,11 +77,11 @@ NUMBERS = st.integers(-(2**63), 2**63 - 1), st.floats(width=64, allow_nan=False)
 @settings(deadline=None)  # the first call compiles
 @given(*NUMBERS, *NUMBERS)
 def test_numbers_pass_through(i: int, x: float, flag: bool, j: int, y: float, other: bool) -> None:
-    given = i, x, flag, Inner(j, (y, other)), None
-    found = give_back(*given)
-    assert found == given
-    assert type(found[3]) is Inner
-    assert [type(each) for each in found] == [type(each) for each in given]
+    arguments = i, x, flag, Inner(j, (y, other)), None
+    results = give_back(*arguments)
+    assert results == arguments
+    assert type(results[3]) is Inner
+    assert [type(each) for each in results] == [type(each) for each in arguments]
 
 
 @kernel

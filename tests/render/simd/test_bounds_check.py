@@ -57,9 +57,9 @@ def test_an_access_outside_ends_the_process(tmp_path, name, side):
     assert done.returncode != 0
     line = next(k for k, text in enumerate(KERNELS.splitlines(), 1) if text.startswith(f"def {name}")) + 1
     place = -1 if side == "before" else 21 - simd.WIDTH if name == "stored" else 20
-    inside, told = done.stdout.splitlines()
+    inside, message = done.stdout.splitlines()
     assert inside.startswith("in: ")
-    assert told == f"outside.py:{line}: place {place} of 20"
+    assert message == f"outside.py:{line}: place {place} of 20"
 
 
 @pytest.mark.long

@@ -48,17 +48,17 @@ def numbers(dtype, interval, seed):
     return random.uniform(low, high, COUNT).astype(dtype)
 
 
-def assert_close(found, exact, limit, arguments):
+def assert_close(values, exact, limit, arguments):
     """Check values within `limit` ulp of longdouble's result; NaN, infinities and signs of zero must be equal."""
-    dtype = found.dtype
+    dtype = values.dtype
     with np.errstate(all="ignore"):
         expected = exact.astype(dtype)
         step = np.spacing(np.minimum(np.abs(expected), np.finfo(dtype).max)).astype(np.longdouble)
-        ulp = np.where((found == expected) | (np.isnan(found) & np.isnan(expected)), 0, np.abs(found - exact) / step)
-        ulp = np.where((np.signbit(found) != np.signbit(expected)) & ~np.isnan(expected), np.inf, ulp)
+        ulp = np.where((values == expected) | (np.isnan(values) & np.isnan(expected)), 0, np.abs(values - exact) / step)
+        ulp = np.where((np.signbit(values) != np.signbit(expected)) & ~np.isnan(expected), np.inf, ulp)
     worst = int(np.argmax(np.where(np.isnan(ulp), np.inf, ulp)))
     place = [a[worst] for a in arguments]
-    assert ulp[worst] <= limit, f"{float(ulp[worst]):.2f} ulp at {place}: {found[worst]!r} and not {expected[worst]!r}"
+    assert ulp[worst] <= limit, f"{float(ulp[worst]):.2f} ulp at {place}: {values[worst]!r} and not {expected[worst]!r}"
 
 
 @pytest.mark.parametrize("dtype", FLOATS)

@@ -23,8 +23,8 @@ def test_rounding_roots_and_signs(dtype, kind):
     over(kind, expressions)(x, y, outs)
     with np.errstate(all="ignore"):
         expected = [getattr(np, name)(x) for name in names] + [np.copysign(x, y), np.floor(x), np.sqrt(x)]
-    for one, right in zip(outs, expected, strict=True):
-        same(one, right)
+    for out, right in zip(outs, expected, strict=True):
+        same(out, right)
 
 
 @pytest.mark.parametrize(("dtype", "kind"), FLOAT_KINDS)
@@ -67,8 +67,8 @@ def test_selection(dtype, kind):
     choices = ["x < y, x, y", "x > 1, x, 1", "x < 2, 3, y", "x < y, x == y, x > 2"]
     over(kind, [f"simd.select({choice})" for choice in choices])(x, y, outs)
     right = (np.where(x < y, x, y), np.where(x > 1, x, dtype(1)), np.where(x < 2, dtype(3), y), np.where(x < y, x == y, x > 2))
-    for one, expected in zip(outs, right, strict=True):
-        same(one, expected)
+    for out, expected in zip(outs, right, strict=True):
+        same(out, expected)
 
 
 @pytest.mark.parametrize("dtype", TYPES)
@@ -81,8 +81,8 @@ def test_conversions(dtype):
     outs = tuple(np.zeros(COUNT, target) for target in targets.values())
     over(TYPES[dtype], [f"simd.{name}(x)" for name in targets], "x")(x, outs)
     with np.errstate(all="ignore"):
-        for one, target in zip(outs, targets.values(), strict=True):
-            same(one, x.astype(target))
+        for out, target in zip(outs, targets.values(), strict=True):
+            same(out, x.astype(target))
 
 
 @pytest.mark.parametrize("dtype", FLOATS)

@@ -31,8 +31,8 @@ def test_the_nearest_spheres_of_a_wave(tmp_path):
     directions = random.normal(size=(n, 3)) * 4 - origins
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     rays = np.concatenate([origins, directions], axis=1).T.astype(np.float32).copy()
-    t, which, kept = np.zeros(n, np.float32), np.zeros(n, np.int32), np.zeros(n, np.int32)
-    total = example(tmp_path).nearest(rays, spheres, t, which, kept)
+    t, which, hitting = np.zeros(n, np.float32), np.zeros(n, np.int32), np.zeros(n, np.int32)
+    total = example(tmp_path).nearest(rays, spheres, t, which, hitting)
 
     o, d, c, r = rays[:3].T[:, None].astype(float), rays[3:].T[:, None].astype(float), spheres[None, :, :3].astype(float), spheres[:, 3]
     along = ((c - o) * d).sum(-1)
@@ -46,4 +46,4 @@ def test_the_nearest_spheres_of_a_wave(tmp_path):
     assert np.allclose(t[clear & hit], distances.min(axis=1)[clear & hit], rtol=1e-5)
     assert np.all(np.isinf(t[clear & ~hit]))
     assert total == (which >= 0).sum()
-    assert np.array_equal(kept[:total], np.flatnonzero(which >= 0))
+    assert np.array_equal(hitting[:total], np.flatnonzero(which >= 0))

@@ -29,22 +29,22 @@ def one_vector(a, b, matrix, row):
     """Every operation on vectors, as a tuple of numbers."""
     n = ops.normalize(a)
     s, t = ops.basis(n)
-    found = (
+    results = (
         ops.add(a, b), ops.sub(a, b), ops.mul(a, b), ops.scale(a, 2.0), ops.negate(a), ops.cross(a, b), n, s, t,
         ops.reflect(b, n), ops.in_basis(s, t, n, 0.1, 0.2, 0.3), ops.along(a, b, 0.7), ops.where3(a[0] > b[0], a, b),
         ops.lerp3(a, b, 0.3), ops.like3(a[0], 1.0, 2.0, 3.0), affine.transform_point(matrix, row, a),
         affine.transform_vector(matrix, row, a), affine.transform_normal(matrix, row, a), affine.transform_point(matrix, 0, a),
         (ops.dot(a, b), ops.length(a), ops.largest(a)),
     )  # fmt: skip
-    return found
+    return results
 
 
 def skipping(x):
     """Work that only some lanes need, under an `if`, with a variable that is a scalar before it."""
-    found = 0.0
+    root = 0.0
     if ops.any_lane(x > 1.0):
-        found = ops.where(x > 1.0, ops.sqrt(ops.maximum(x, 0.0)), 0.5)
-    return found
+        root = ops.where(x > 1.0, ops.sqrt(ops.maximum(x, 0.0)), 0.5)
+    return root
 
 
 _one_number, _one_vector, _skipping = helper(one_number), helper(one_vector), helper(skipping)
@@ -105,8 +105,8 @@ def test_numbers_agree(dtype, lanes_, tolerance):
 def test_vectors_agree(dtype, ints, lanes_, tolerance):
     random = np.random.default_rng(0)
     v, matrix, rows = random.normal(size=(6, 64)).astype(dtype), random.normal(size=(5, 3, 4)), random.integers(0, 5, 64).astype(ints)
-    found = one_vector(tuple(v[:3]), tuple(v[3:]), matrix, rows)
-    expected = np.concatenate([np.stack(np.broadcast_arrays(*row, v[0])[:3]) for row in found])
+    results = one_vector(tuple(v[:3]), tuple(v[3:]), matrix, rows)
+    expected = np.concatenate([np.stack(np.broadcast_arrays(*row, v[0])[:3]) for row in results])
     out = np.zeros(expected.shape, dtype)
     _vectors(v, matrix, rows, out, lanes_)
     assert np.abs(out - expected).max() < tolerance

@@ -105,19 +105,19 @@ def test_a_load_has_a_native_width_or_the_requested_type(dtype):
 @pytest.mark.parametrize("alignment", [64, 256])
 def test_aligned_arrays_are_aligned(alignment):
     for _ in range(20):
-        made = simd.aligned_empty((3, 5), np.float32, alignment)
-        assert made.ctypes.data % alignment == 0
-        assert made.shape == (3, 5)
-        assert made.dtype == np.float32
+        array = simd.aligned_empty((3, 5), np.float32, alignment)
+        assert array.ctypes.data % alignment == 0
+        assert array.shape == (3, 5)
+        assert array.dtype == np.float32
 
 
 @pytest.mark.parametrize("rows", [3, 1 << 19])
 def test_arrays_without_huge_pages_are_aligned_and_writable(rows):
-    made = simd.paged_empty((rows, 5), np.float32)
-    made[:] = np.arange(5)
-    assert made.ctypes.data % 64 == 0
-    assert (made.shape, made.dtype, made.flags.c_contiguous) == ((rows, 5), np.float32, True)
-    assert made[-1].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    array = simd.paged_empty((rows, 5), np.float32)
+    array[:] = np.arange(5)
+    assert array.ctypes.data % 64 == 0
+    assert (array.shape, array.dtype, array.flags.c_contiguous) == ((rows, 5), np.float32, True)
+    assert array[-1].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
 def test_lanes_that_are_not_constant_are_an_error():
@@ -166,11 +166,11 @@ def _compressed(x, on, out, front, lanes):
 def test_compressing_keeps_the_order_and_writes_nothing_behind(dtype):
     random = np.random.default_rng(2)
     x, on = numbers(dtype, 8 * 40), random.random(8 * 40) < np.repeat(np.linspace(0, 1, 40), 8)
-    kept = x[on]
+    compressed = x[on]
     out, front = guarded(dtype, len(x)), np.zeros_like(x)
-    assert _compressed(x, on, out, front, 8) == len(kept)
-    assert np.array_equal(out[: len(kept)], kept)
-    assert np.array_equal(out[len(kept) :], guarded(dtype, len(x) - len(kept)))
+    assert _compressed(x, on, out, front, 8) == len(compressed)
+    assert np.array_equal(out[: len(compressed)], compressed)
+    assert np.array_equal(out[len(compressed) :], guarded(dtype, len(x) - len(compressed)))
     for block, chosen, values in zip(front.reshape(-1, 8), on.reshape(-1, 8), x.reshape(-1, 8), strict=True):
         assert np.array_equal(block[: chosen.sum()], values[chosen])
 
@@ -230,39 +230,39 @@ def test_an_array_on_the_stack():
 
 
 @kernel
-def _indexed(one, two, three, places, out):
+def _indexed(line, plane, cube, places, out):
     i = simd.load(places, 0, 8)
     j = i % 3
-    simd.store(out, 0, one[i])
-    simd.store(out, 8, two[i, 1])
-    simd.store(out, 16, two[4, j])
-    simd.store(out, 24, two[i, j])
-    simd.store(out, 32, three[i, 1, j])
-    simd.store(out, 40, three[2, j, 1])
-    simd.store(out, 48, two[i + 1, j])
+    simd.store(out, 0, line[i])
+    simd.store(out, 8, plane[i, 1])
+    simd.store(out, 16, plane[4, j])
+    simd.store(out, 24, plane[i, j])
+    simd.store(out, 32, cube[i, 1, j])
+    simd.store(out, 40, cube[2, j, 1])
+    simd.store(out, 48, plane[i + 1, j])
 
 
 @pytest.mark.parametrize("dtype", STORED)
 @pytest.mark.parametrize("index", [np.int32, np.int64, np.uint32])
 def test_arrays_are_indexed_by_vectors(dtype, index):
-    one, two, three = numbers(dtype, 30), numbers(dtype, (30, 3), 1), numbers(dtype, (30, 3, 3), 2)
+    line, plane, cube = numbers(dtype, 30), numbers(dtype, (30, 3), 1), numbers(dtype, (30, 3, 3), 2)
     places = np.array([3, 28, 0, 7, 7, 11, 2, 18], index)
     out = np.zeros(56, dtype)
-    _indexed(one, two, three, places, out)
+    _indexed(line, plane, cube, places, out)
     j = places % 3
-    expected = [one[places], two[places, 1], two[4, j], two[places, j], three[places, 1, j], three[2, j, 1], two[places + 1, j]]
+    expected = [line[places], plane[places, 1], plane[4, j], plane[places, j], cube[places, 1, j], cube[2, j, 1], plane[places + 1, j]]
     assert np.array_equal(out, np.concatenate(expected))
 
 
 @pytest.mark.parametrize(
-    ("dtype", "index", "found"),
+    ("dtype", "index", "kind"),
     [
         (np.float64, "i32", "f32"), (np.float32, "i64", "f64"), (np.int64, "i32", "i32"), (np.int32, "i64", "i64"),
         (np.uint8, "i32", "i32"), (np.uint8, "i64", "i64"), (np.bool_, "i64", "m64"), (np.uint64, "i32", "u32"),
     ],
 )  # fmt: skip
-def test_a_gather_has_the_lane_width_of_its_index(dtype, index, found):
-    look = compiled(f"def run(x):\n    return simd.count(simd.{found}x4(0) == x[simd.{index}x4(1)])")
+def test_a_gather_has_the_lane_width_of_its_index(dtype, index, kind):
+    look = compiled(f"def run(x):\n    return simd.count(simd.{kind}x4(0) == x[simd.{index}x4(1)])")
     assert look(np.zeros(3, dtype)) == 4
 
 

@@ -26,11 +26,11 @@ def run(kind, expressions, x, y, dtypes=None):
 def test_floats(dtype, kind):
     x, y = awkward(dtype, 1), awkward(dtype, 2)
     expressions = ("x + y", "x - y", "x * y", "x / y", "-x", "+x", "abs(x)", "x * 0.1", "2 - x", "1.0 / x")
-    found = run(kind, expressions, x, y)
+    results = run(kind, expressions, x, y)
     with np.errstate(all="ignore"):
         expected = (x + y, x - y, x * y, x / y, -x, x, abs(x), x * dtype(0.1), dtype(2) - x, dtype(1) / x)
-    for one, right in zip(found, expected, strict=True):
-        same(one, right)
+    for result, right in zip(results, expected, strict=True):
+        same(result, right)
 
 
 @pytest.mark.parametrize(("dtype", "kind"), FLOAT_KINDS)
@@ -38,31 +38,31 @@ def test_floor_division_and_remainder_of_floats(dtype, kind):
     x, y = (np.where(np.abs(v) < 1e30, v, dtype(7.5)) for v in (awkward(dtype, 3), awkward(dtype, 4)))
     x = np.where(np.abs(x) < 1e6, x, dtype(-3.25))
     y = np.where((np.abs(y) > 1e-6) | (y == 0), y, dtype(0.5))
-    quotient, rest = run(kind, ("x // y", "x % y"), x, y)
+    quotient, remainder = run(kind, ("x // y", "x % y"), x, y)
     with np.errstate(all="ignore"):
         same(quotient, np.floor_divide(x, y))
-        same(rest, np.remainder(x, y))
+        same(remainder, np.remainder(x, y))
 
 
 @pytest.mark.parametrize(("dtype", "kind"), INT_KINDS)
 def test_ints_wrap_around(dtype, kind):
     x, y = awkward(dtype, 5), awkward(dtype, 6)
     expressions = ("x + y", "x - y", "x * y", "-x", "abs(x)", "x & y", "x | y", "x ^ y", "~x", "x + 3", "x & 255", "x * 7 - 1")
-    found = run(kind, expressions, x, y)
+    results = run(kind, expressions, x, y)
     with np.errstate(all="ignore"):
         expected = (x + y, x - y, x * y, -x, abs(x), x & y, x | y, x ^ y, ~x, x + dtype(3), x & dtype(255), x * dtype(7) - dtype(1))
-    for one, right in zip(found, expected, strict=True):
-        same(one, right)
+    for result, right in zip(results, expected, strict=True):
+        same(result, right)
 
 
 @pytest.mark.parametrize(("dtype", "kind"), INT_KINDS)
 def test_integer_division_is_numpys(dtype, kind):
     """Division rounds down; x / 0 is 0, and the lowest integer divided by −1 is itself."""
     x, y = awkward(dtype, 7), awkward(dtype, 8)
-    quotient, rest, by_ten, of_ten = run(kind, ("x // y", "x % y", "x // 10", "x % 10"), x, y)
+    quotient, remainder, by_ten, of_ten = run(kind, ("x // y", "x % y", "x // 10", "x % 10"), x, y)
     with np.errstate(all="ignore"):
         same(quotient, x // y)
-        same(rest, x % y)
+        same(remainder, x % y)
         same(by_ten, x // dtype(10))
         same(of_ten, x % dtype(10))
 
@@ -71,38 +71,38 @@ def test_integer_division_is_numpys(dtype, kind):
 def test_division_of_ints_gives_floats(dtype, kind):
     x, y = awkward(dtype, 9), awkward(dtype, 10)
     float_type = np.float32 if np.dtype(dtype).itemsize == 4 else np.float64
-    (found,) = run(kind, ("x / y",), x, y, [float_type])
+    (quotient,) = run(kind, ("x / y",), x, y, [float_type])
     with np.errstate(all="ignore"):
-        same(found, x.astype(float_type) / y.astype(float_type))
+        same(quotient, x.astype(float_type) / y.astype(float_type))
 
 
 @pytest.mark.parametrize(("dtype", "kind"), INT_KINDS)
 def test_shifts(dtype, kind):
     x, bits = awkward(dtype, 11), 8 * np.dtype(dtype).itemsize
     by = np.random.default_rng(0).integers(0, bits, COUNT).astype(dtype)
-    found = run(kind, ("x << y", "x >> y", "x << 3", "x >> 5"), x, by)
-    for one, right in zip(found, (x << by, x >> by, x << dtype(3), x >> dtype(5)), strict=True):
-        same(one, right)
+    results = run(kind, ("x << y", "x >> y", "x << 3", "x >> 5"), x, by)
+    for result, right in zip(results, (x << by, x >> by, x << dtype(3), x >> dtype(5)), strict=True):
+        same(result, right)
 
 
 @pytest.mark.parametrize(("dtype", "kind"), FLOAT_KINDS + INT_KINDS)
 def test_comparisons(dtype, kind):
     x, y = awkward(dtype, 12), awkward(dtype, 13)
-    found = run(kind, (*COMPARISONS, "x < 1", "~(x < y) & (y < 3) | (x == y) ^ (x > 2)"), x, y, [np.bool_] * 8)
+    results = run(kind, (*COMPARISONS, "x < 1", "~(x < y) & (y < 3) | (x == y) ^ (x > 2)"), x, y, [np.bool_] * 8)
     expected = (x < y, x <= y, x > y, x >= y, x == y, x != y, x < 1, ~(x < y) & (y < 3) | (x == y) ^ (x > 2))
-    for one, right in zip(found, expected, strict=True):
-        same(one, right)
+    for result, right in zip(results, expected, strict=True):
+        same(result, right)
 
 
 @pytest.mark.parametrize(("dtype", "kind"), FLOAT_KINDS + INT_KINDS)
 def test_the_smaller_and_the_larger(dtype, kind):
     """The second operand where either is NaN, and of two zeros."""
     x, y = awkward(dtype, 14), awkward(dtype, 15)
-    found = run(kind, ("min(x, y)", "max(x, y)", "simd.minimum(x, y)", "simd.maximum(x, 1)", "min(x, y, 3)"), x, y)
+    results = run(kind, ("min(x, y)", "max(x, y)", "simd.minimum(x, y)", "simd.maximum(x, 1)", "min(x, y, 3)"), x, y)
     low, high = np.where(x < y, x, y), np.where(x > y, x, y)
     expected = (low, high, low, np.where(x > 1, x, dtype(1)), np.where(low < 3, low, dtype(3)))
-    for one, right in zip(found, expected, strict=True):
-        same(one, right)
+    for result, right in zip(results, expected, strict=True):
+        same(result, right)
 
 
 @kernel

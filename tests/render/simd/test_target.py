@@ -152,10 +152,10 @@ def test_the_highest_level_of_a_machine_is_chosen(features, isa, cpu):
 
 
 def test_levels_are_the_same_on_all_machines_of_a_level():
-    one, other = (dict.fromkeys(V4 | more, True) for more in (set(), {"avx512vbmi", "gfni"}))
-    assert target.choose("", "x86_64-linux", one) == target.choose("", "x86_64-linux", other)
-    assert target.choose("avx2", "x86_64-linux", one) == target.choose("", "x86_64-linux", dict.fromkeys(V3, True))
-    assert target.choose("native", "x86_64-linux", one) != target.choose("native", "x86_64-linux", other)
+    features, more_features = (dict.fromkeys(V4 | more, True) for more in (set(), {"avx512vbmi", "gfni"}))
+    assert target.choose("", "x86_64-linux", features) == target.choose("", "x86_64-linux", more_features)
+    assert target.choose("avx2", "x86_64-linux", features) == target.choose("", "x86_64-linux", dict.fromkeys(V3, True))
+    assert target.choose("native", "x86_64-linux", features) != target.choose("native", "x86_64-linux", more_features)
 
 
 def test_arm_has_one_level():

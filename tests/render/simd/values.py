@@ -60,11 +60,11 @@ def widths(dtype: Any) -> list[str]:
     return [name] if "MAQUETTE_SIMD" in os.environ else [name, f"{name}x4" if simd.WIDTH > 8 else f"{name}x16"]
 
 
-def same(found: NDArray[Any], expected: NDArray[Any]) -> None:
+def same(values: NDArray[Any], expected: NDArray[Any]) -> None:
     """Check equal bits; all NaNs count as equal."""
-    expected = np.asarray(expected).astype(found.dtype) if found.dtype != np.bool_ else np.asarray(expected, bool)
-    wrong = (found != expected) & ~(np.isnan(found) & np.isnan(expected)) if found.dtype.kind == "f" else found != expected
-    if found.dtype.kind == "f":
-        wrong |= (np.signbit(found) != np.signbit(expected)) & ~np.isnan(found)
-    at = np.flatnonzero(wrong)
-    assert not len(at), f"{len(at)} lanes differ, the first at {at[0]}: {found[at[0]]!r} and not {expected[at[0]]!r}"
+    expected = np.asarray(expected).astype(values.dtype) if values.dtype != np.bool_ else np.asarray(expected, bool)
+    wrong = (values != expected) & ~(np.isnan(values) & np.isnan(expected)) if values.dtype.kind == "f" else values != expected
+    if values.dtype.kind == "f":
+        wrong |= (np.signbit(values) != np.signbit(expected)) & ~np.isnan(values)
+    lanes = np.flatnonzero(wrong)
+    assert not len(lanes), f"{len(lanes)} lanes differ, the first at {lanes[0]}: {values[lanes[0]]!r} and not {expected[lanes[0]]!r}"

@@ -15,6 +15,7 @@ from ...lights import DISTANT, PICTURED
 from ...materials import traits
 from .. import camera
 from ..accel import intersect, scene_bvh
+from ..accel.bvh_build.scene_layout import KIND
 from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..film import adaptive_sampling, tile_calls, tile_queue
@@ -301,7 +302,7 @@ def _build_unlinked(tables: ir.Tables, plan: Plan, general: bool) -> Handle:
 
 def _compiles_slowly(accel: Handle) -> bool:
     """Whether BVH traversal compiles slowly and no other kernel needs it earlier."""
-    kinds = accel.tables.instance_rows[:, 3]
+    kinds = accel.tables.instance_rows[:, KIND]
     return not motion_alpha.is_used(accel.type) and bool(ir.is_in(kinds, (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA)).any())
 
 

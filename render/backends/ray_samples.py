@@ -11,7 +11,19 @@ from ...compiler import ir
 from .. import camera
 from ..accel import intersect
 from ..accel.formula_packets import hits
-from ..accel.formula_packets.hits import PACKET, REST, closer_hit, first_samples, is_used, load_pixels, load_slots, slot_of
+from ..accel.formula_packets.hits import (
+    COLUMNS,
+    PACKET,
+    REST,
+    ROUNDS,
+    SAMPLES,
+    closer_hit,
+    first_samples,
+    is_used,
+    load_pixels,
+    load_slots,
+    slot_of,
+)
 from ..integrator import ray_stack, whitted
 from ..jit.kernel import helper, kernel, noinline_helper
 from ..lanes import crosslane, ops, ray_soa
@@ -91,9 +103,9 @@ def _draw_primed(primed, tables, accel, vertex_light, frame, film, workspace):
         return lambda primed, tables, accel, vertex_light, frame, film, workspace: False
 
     def drawn(primed, tables, accel, vertex_light, frame, film, workspace):
-        if primed.extent[0] != 1:
+        if primed.extent[ROUNDS] != 1:
             return False
-        n = primed.extent[3]
+        n = primed.extent[SAMPLES]
         for start in range(0, n, crosslane.WIDTH):
             if primed.black and not ops.any_lane(load_slots(primed.t, start) < np.inf):
                 continue
@@ -120,10 +132,10 @@ def shade_primed(tables, accel, vertex_light, frame, start, workspace):
     Returns whether any of it is not black.
     """
     view, options, hits = frame.picture, frame.options, workspace.primed
-    many, place = packet_place(hits.extent[3], start)
+    many, place = packet_place(hits.extent[SAMPLES], start)
     offset = start % PACKET
     x, y, _ = load_pixels(hits.items[place - offset : place - offset + 3 * many], offset)
-    s = first_samples(hits.corner, hits.first, hits.extent[2], x, y)
+    s = first_samples(hits.corner, hits.first, hits.extent[COLUMNS], x, y)
     pixel, s = sobol.zorder_index(x + hits.corner[0], y + hits.corner[1], s, view.width, frame.order)
     origin, direction, t_min, t_max = ray_soa.get(hits.rays[start // PACKET], offset)
     ray = Ray(origin, direction, t_min, t_max, sobol.sample_time(pixel, s, options.seed, frame.shutter))

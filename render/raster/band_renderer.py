@@ -26,6 +26,7 @@ from . import (
     meshlet_culling,
     triangle_setup,
 )
+from .fragments import NOT_FINITE
 from .passes import Pass, passes
 
 ROWS = {1: 64, 4: 32}  # rows of a band by samples: its buffer fits the second-level cache; else 16
@@ -166,7 +167,7 @@ class BandRenderer:
         band = memory.band.tables
         band_scheduler.set_band(band, self.first + number, self.rows, self.margin, self.reach, self.crop)
         scene, visible = self.prepared.raster, self.visible
-        memory.fragments.tables.counts[3] = 0
+        memory.fragments.tables.counts[NOT_FINITE] = 0
         if self.fill is None:
             triangle_setup.draw_band(memory.filling, number)
         else:
@@ -184,7 +185,7 @@ class BandRenderer:
             self.rgba[top - y0 : bottom - y0] = 0.0
         if not self.float32:
             integrator_shading.shade_band(memory.shading, self.per_sample, raster_pass.first, self.crop, self.rgba)
-        return int(memory.fragments.tables.counts[3])
+        return int(memory.fragments.tables.counts[NOT_FINITE])
 
     def _composite(self, number: int) -> None:
         """Composite a finished band over the background."""

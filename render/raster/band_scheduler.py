@@ -17,6 +17,7 @@ from ..jit.value_types import BOOL, INT64, NONE, array_type
 from ..simd import target
 from ..simd.atomics import fetch_add
 from . import deferred_shading, triangle_setup
+from .fragments import NOT_FINITE
 
 call_fill, call_shade = DeclaredPointer(NONE).call, DeclaredPointer(NONE).call
 CROP, PICTURE = array_type(np.int64, 1), array_type(np.float32, 3)
@@ -89,7 +90,7 @@ def draw_bands(fill, shade, filling, shading, layout, output, next_band, numbers
         set_band(filling.band, layout.first + number, layout.rows, layout.margin, layout.reach, output.crop)
         call_fill(fill, (filling, number))
         call_shade(shade, (shading, output.per_sample, True, output.textured, output.colored, output.flat, output.crop, output.rgba))
-        issues += shading.fragments.counts[3]
+        issues += shading.fragments.counts[NOT_FINITE]
         numbers[drawn] = number
         drawn += 1
     return drawn, issues

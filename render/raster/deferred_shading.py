@@ -26,6 +26,7 @@ from ..surface.interaction import replace_spread
 from ..texture import textures
 from ..types import Surface
 from . import fragments, plane_setup, precise_planes, spans, triangle_planes
+from .fragments import FULL, NOT_FINITE, PARTIAL, UNIFORM
 from .shading_points import (
     CAPACITY,
     FACING,
@@ -119,7 +120,7 @@ def shade_band(shading, per_sample, first_pass, textured, colored, flat_runs, cr
     """
     splat, band, cache, buffer = shading.splat, shading.band, shading.planes, shading.fragments
     saved = simd.flush_denormals()
-    buffer.counts[3] = 0
+    buffer.counts[NOT_FINITE] = 0
     single_pixel = splat.single_pixel and not per_sample
     if first_pass and not single_pixel:
         fragments.clear_rows(rgba, band, crop, band.rows[0], band.rows[1])
@@ -130,7 +131,7 @@ def shade_band(shading, per_sample, first_pass, textured, colored, flat_runs, cr
         fragments.build_fragments(shading.pattern, per_sample, single_pixel, cache, band, row, buffer)
         plane_setup.setup_planes(shading, textured, colored)
         y = band.window[1] + 4 * row
-        full_fragments, part, even = buffer.counts[0], buffer.counts[1], buffer.counts[2]
+        full_fragments, part, even = buffer.counts[FULL], buffer.counts[PARTIAL], buffer.counts[UNIFORM]
         full = single_pixel and full_fragments + 16 * even >= 4 * (crop[2] - crop[0])
         if single_pixel and not full:
             fragments.clear_rows(rgba, band, crop, y, y + 4)
@@ -171,7 +172,7 @@ def interpolate_fragments(shading: Any, textured: Any, colored: Any, group: int,
     while group < groups and count <= CAPACITY - MOST_POINTS:
         start = fragments.fragment_start(buffer, group)
         rows = simd.load(buffer.rows, start, simd.i32x16)
-        exists = simd.first_lanes(buffer.half + buffer.counts[1] - start, rows)
+        exists = simd.first_lanes(buffer.half + buffer.counts[PARTIAL] - start, rows)
         rows = simd.select(exists, rows, simd.read(buffer.rows, start))
         at_x = simd.to_f32(simd.load(buffer.at_x, start, simd.i32x16)) * np.float32(1.0 / 256.0)
         at_y = simd.to_f32(simd.load(buffer.at_y, start, simd.i32x16)) * np.float32(1.0 / 256.0)
@@ -285,7 +286,7 @@ def write_points(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: 
             lanes, color = simd.mask_from_bits(simd.read(points.lanes, k), simd.f32x16(0.0)), get3(points, k, RADIANCE)
             red, green, blue = simd.select(lanes, color[0], red), simd.select(lanes, color[1], green), simd.select(lanes, color[2], blue)
             k += 1
-        if group < buffer.counts[2]:
+        if group < buffer.counts[UNIFORM]:
             rows = fragments.to_rgba_rows(red, green, blue, 16, buffer)
             fragments.write_block(rows, simd.read(buffer.block_x, group), y, crop, full, rgba)
             continue
@@ -293,6 +294,6 @@ def write_points(shading: Any, count: int, y: int, crop: Any, full: bool, rgba: 
         if start < buffer.half:
             fragments.write_block(fragments.to_rgba_rows(red, green, blue, 16, buffer), simd.read(buffer.x, start), y, crop, full, rgba)
         else:
-            fragment_count = min(buffer.half + buffer.counts[1] - start, 16)
+            fragment_count = min(buffer.half + buffer.counts[PARTIAL] - start, 16)
             fragments.store_fragment_light(buffer.light, fragments.to_rgba_rows(red, green, blue, fragment_count, buffer))
             fragments.resolve_fragments(shading.pattern, shading.splat, shading.band, buffer, start, fragment_count, crop, rgba)

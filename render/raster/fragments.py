@@ -20,6 +20,7 @@ from .meshlets import transposed_index
 
 REACH = 2  # pixels, largest filter radius
 SIDE = 2 * REACH + 1
+FULL, PARTIAL, UNIFORM, NOT_FINITE = range(4)  # of `counts`: fragments of full blocks, of others, blocks of one triangle, bad fragments
 
 
 class Splat(NamedTuple):
@@ -116,7 +117,7 @@ def build_fragments(pattern, per_sample, single_pixel, cache, band, row, buffer)
                 full_fragments += 16
             else:
                 part += append_fragments(buffer, cache, part, fragment, active)
-    buffer.counts[0], buffer.counts[1], buffer.counts[2] = full_fragments, part - buffer.half, even
+    buffer.counts[FULL], buffer.counts[PARTIAL], buffer.counts[UNIFORM] = full_fragments, part - buffer.half, even
 
 
 @helper
@@ -175,8 +176,8 @@ def append_fragments(buffer: Any, cache: Any, start: int, fragment: Fragment, ac
 @helper
 def fragment_start(listed: Any, group: int) -> int:
     """The first fragment of a group of sixteen. Groups are numbered: single-triangle blocks, full blocks, others."""
-    start = 16 * (group - listed.counts[2])
-    return start if start < listed.counts[0] else listed.half + start - listed.counts[0]
+    start = 16 * (group - listed.counts[UNIFORM])
+    return start if start < listed.counts[FULL] else listed.half + start - listed.counts[FULL]
 
 
 @helper
@@ -223,7 +224,7 @@ def to_rgba_rows(red: Lane, green: Lane, blue: Lane, count: int, listed: Any) ->
     """
     sound = simd.is_finite(red + green + blue)
     if not simd.all_of(sound):
-        listed.counts[3] += simd.count(simd.first_lanes(count, red) & ~sound)
+        listed.counts[NOT_FINITE] += simd.count(simd.first_lanes(count, red) & ~sound)
         red, green, blue = simd.select(sound, red, 0.0), simd.select(sound, green, 0.0), simd.select(sound, blue, 0.0)
     return simd.transpose((red, green, blue, simd.f32x16(1.0)))
 

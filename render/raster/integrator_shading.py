@@ -21,7 +21,7 @@ from ..sampling import sobol
 from ..types import Lane
 from . import coverage
 from .band_buffer import in_block
-from .fragments import build_fragments, resolve_fragments
+from .fragments import FULL, NOT_FINITE, PARTIAL, build_fragments, resolve_fragments
 from .meshlets import SHIFT, transposed_index
 from .sample_hits import axis_cosine, find_hits, intersect
 
@@ -49,14 +49,14 @@ class IntegratorShading(NamedTuple):
 def shade_band(shading, per_sample, sample, crop, rgba):
     """Add the light of a band to the pixels of `crop` of the picture, (h, w, 4); the pattern's first sample has number `sample`."""
     pattern, splat, band, buffer = shading.pattern, shading.splat, shading.band, shading.fragments
-    buffer.counts[3] = 0
+    buffer.counts[NOT_FINITE] = 0
     for row in range(band.window[3] >> 2):
         build_fragments(pattern, per_sample, False, None, band, row, buffer)
-        for k in range(0, buffer.counts[0], 16):
+        for k in range(0, buffer.counts[FULL], 16):
             shade_fragments(shading, sample, k, 16)
             resolve_fragments(pattern, splat, band, buffer, k, 16, crop, rgba)
-        for k in range(buffer.half, buffer.half + buffer.counts[1], 16):
-            count = min(buffer.half + buffer.counts[1] - k, 16)
+        for k in range(buffer.half, buffer.half + buffer.counts[PARTIAL], 16):
+            count = min(buffer.half + buffer.counts[PARTIAL] - k, 16)
             shade_fragments(shading, sample, k, count)
             resolve_fragments(pattern, splat, band, buffer, k, count, crop, rgba)
 
@@ -91,7 +91,7 @@ def shade_fragments(shading, sample, start, count):
             for c in range(3):
                 buffer.light[place, c] = crosslane.lane(color[c], j)
             buffer.light[place, 3] = crosslane.lane(alpha, j)
-            buffer.counts[3] += 0 if crosslane.lane(sound, j) else 1
+            buffer.counts[NOT_FINITE] += 0 if crosslane.lane(sound, j) else 1
 
 
 @helper

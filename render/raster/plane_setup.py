@@ -13,7 +13,7 @@ from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Vec
 from .meshlets import RECORD, SHIFT
-from .triangle_planes import EVEN, PRECISE
+from .triangle_planes import EVEN, PRECISE, READY, ROWS
 
 FLAT = int(ir.Shading.FLAT)
 WIDE = 64.0  # pixels: larger triangles need float64
@@ -57,8 +57,8 @@ class ScreenTriangles(NamedTuple):
 def setup_planes(shading, textured, colored):
     """Set up the new records of the cache; `shading` is a handle of deferred_shading.Shading."""
     visible, cache = shading.visible, shading.planes
-    for first in range(cache.count[1], cache.count[0], 16):
-        count = min(cache.count[0] - first, 16)
+    for first in range(cache.count[READY], cache.count[ROWS], 16):
+        count = min(cache.count[ROWS] - first, 16)
         ids = simd.load(cache.owner, first, simd.i32x16)
         exists = simd.first_lanes(count, ids)
         ids = simd.select(exists, ids, cache.owner[first])
@@ -71,7 +71,7 @@ def setup_planes(shading, textured, colored):
             lanes = pending & (instances == i)
             setup_instance(shading, textured, colored, i, simd.select(lanes, slots, simd.lane(slots, first_lane)), first, lanes)
             pending = pending & ~lanes
-    cache.count[1] = cache.count[0]
+    cache.count[READY] = cache.count[ROWS]
 
 
 @helper

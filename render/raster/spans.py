@@ -16,6 +16,7 @@ from ..lanes import ops
 from ..material import phong
 from . import fragments, precise_planes, triangle_planes
 from .band_buffer import in_block
+from .fragments import UNIFORM
 from .meshlet_culling import EVERYWHERE
 from .meshlets import SHIFT
 from .shading_points import CAPACITY, at_pixel, store_point
@@ -33,7 +34,7 @@ def interpolate_run(shading: Any, textured: Any, colored: Any, flat_runs: Any, g
     across, at_y = simd.to_f32(column) + np.float32(middle[0]), simd.to_f32(line) + np.float32(y + middle[1])
     every = column >= 0
     count = 0
-    while group < buffer.counts[2] and count < CAPACITY:
+    while group < buffer.counts[UNIFORM] and count < CAPACITY:
         face = simd.read(buffer.blocks, group)
         i = instance_of(shading, face)
         if flat_runs is not None and is_flat(shading, i, face):
@@ -83,7 +84,7 @@ def block_record(shading: Any, textured: Any, colored: Any, i: int, face: int, x
 @helper
 def run_end(buffer: Any, face: int, end: int, group: int, most: int) -> int:
     """The end of the run of blocks of one triangle from `group` on, before x = `end` and before block `most`."""
-    most = min(most, buffer.counts[2])
+    most = min(most, buffer.counts[UNIFORM])
     last = group + 1
     while last < most and simd.read(buffer.blocks, last) == face and simd.read(buffer.block_x, last) < end:
         last += 1

@@ -25,6 +25,7 @@ TEXTURED = 24  # and planes of u and v
 COLORED = 40  # and metres a unit of u and v, geometric normal, planes of the colour
 CACHED = 256  # precise triangles, a power of two
 EVEN, PRECISE = 1.25, 2.0  # absolute value of a record's facing: corners have one normal; precise; else 1
+ROWS, READY, CLEARED = range(3)  # of PlaneCache.count
 
 
 class PixelRays(NamedTuple):
@@ -82,24 +83,24 @@ def clear(cache: Any) -> None:
 @helper
 def reserve(cache: Any, most: int) -> None:
     """Ensure capacity for `most` more records; clears the cache if it is full."""
-    if cache.count[0] + most > len(cache.record) - CACHED:
+    if cache.count[ROWS] + most > len(cache.record) - CACHED:
         clear(cache)
 
 
 @helper
 def find_row(cache: Any, number: int) -> int:
     """The row of an id's record; a new row is set up by `plane_setup.setup_planes`."""
-    row = simd.read(cache.row, number) - cache.count[2]
+    row = simd.read(cache.row, number) - cache.count[CLEARED]
     return row if row >= 0 else add_row(cache, number)
 
 
 @helper
 def add_row(cache: Any, number: int) -> int:
     """Add a row for an id."""
-    row = cache.count[0]
-    simd.write(cache.row, number, row + cache.count[2])
+    row = cache.count[ROWS]
+    simd.write(cache.row, number, row + cache.count[CLEARED])
     simd.write(cache.owner, row, number)
-    cache.count[0] = row + 1
+    cache.count[ROWS] = row + 1
     return row
 
 
@@ -107,7 +108,7 @@ def add_row(cache: Any, number: int) -> int:
 def find_rows(cache: Any, ids: Any, start: int, seen: Lane) -> Lane:
     """The rows of records of ids[at:], in the lanes `seen`."""
     numbers = simd.load_aligned(ids, start, simd.i32x16)
-    rows = simd.gather(cache.row, numbers, seen) - cache.count[2]
+    rows = simd.gather(cache.row, numbers, seen) - cache.count[CLEARED]
     lacking = seen & (rows < 0)
     while simd.any_of(lacking):
         number = simd.read(ids, start + simd.trailing_zeros(simd.bits(lacking)))

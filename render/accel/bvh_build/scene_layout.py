@@ -19,6 +19,7 @@ MESH = int(ir.GeometryKind.MESH)
 NO_MESHES, NO_TREE = "no meshes", "no tree"  # type tags of a BVH without these, see packed_struct.with_type_tags
 # Bits beside ir.Visibility's: seen by camera rays, or casting shadows, and not traced by formula packets (accel/formula_packets).
 CAMERA_REST, SHADOW_REST = 8, 16
+VISIBILITY, TRANSFORM, GEOMETRY, KIND, ROOT = range(5)  # columns of Bvh.instance_rows
 
 
 class Nothing(NamedTuple):
@@ -68,5 +69,5 @@ class Bvh(NamedTuple):
 
 def absent_features(bvh: Bvh) -> tuple[str, ...]:
     """Type tags of absent parts of a BVH. Meshes and the tree over instances each take a third of the compile time of traversal."""
-    meshes = (bvh.instance_rows[:, 3] == MESH).any()
+    meshes = (bvh.instance_rows[:, KIND] == MESH).any()
     return (() if meshes else (NO_MESHES,)) + ((NO_TREE,) if bvh.only >= 0 or not len(bvh.top.links) else ())

@@ -23,8 +23,9 @@ from ...jit.value_types import INT64, NONE, TYPE_OF, array_type, tuple_type
 from ...lanes import crosslane, ops, ray_soa
 from ...sampling import sobol
 from ...types import Tile
+from ..bvh_build.scene_layout import GEOMETRY, VISIBILITY
 from . import hits, packet_memory, shadow_rays
-from .hits import PACKET, Nothing, TileHits, packet_instances
+from .hits import COLUMNS, PACKET, ROUNDS, ROWS, SAMPLES, Nothing, TileHits, packet_instances
 
 _generate, _trace_single, _mark = (DeclaredPointer(NONE).call for _ in range(3))
 _trace, _send_to_light = (DeclaredPointer(INT64).call for _ in range(2))
@@ -97,8 +98,8 @@ class CameraPackets:
         bvh, self.kept = accel.tables, (accel, packed, frame)
         self.forms, self.black, self.side, self.lit = bvh.forms, black, side, bool(lights)
         instances = packet_instances(bvh)
-        casting = np.flatnonzero(bvh.instance_rows[instances, 0] & shadow_rays.CASTS)
-        self.geometries = bvh.instance_rows[instances, 2].astype(np.int64)
+        casting = np.flatnonzero(bvh.instance_rows[instances, VISIBILITY] & shadow_rays.CASTS)
+        self.geometries = bvh.instance_rows[instances, GEOMETRY].astype(np.int64)
         trace = [self._trace_address(state) for state in self._states()]
         self.scene = Handle(PacketScene(
             self._steps(accel, packed, frame), packed.address, accel.address, frame.address, _pixel_order(side),
@@ -186,8 +187,8 @@ def trace_tile(scene: Any, memory: Any, tile: Tile, first: Any, count: Any, tota
     """
     hits, items = memory.hits, memory.hits.items
     many = _begin(scene, memory, tile, first, count)
-    rounds, columns = hits.extent[0], hits.extent[2]
-    if hits.extent[3] > len(hits.t):
+    rounds, columns = hits.extent[ROUNDS], hits.extent[COLUMNS]
+    if hits.extent[SAMPLES] > len(hits.t):
         raise ValueError("more samples of a tile than its memory holds")
     packet, filled = 0, 0
     for k in range(rounds):
@@ -229,7 +230,7 @@ def _begin(scene: Any, memory: Any, tile: Tile, first: Any, count: Any) -> int:
         for i in range(many):
             hits.start[memory.pixels[i]] = i
     hits.corner[0], hits.corner[1], hits.corner[2] = tile.x0, tile.y0, same
-    hits.extent[0], hits.extent[1], hits.extent[2], hits.extent[3] = rounds, rows, columns, samples
+    hits.extent[ROUNDS], hits.extent[ROWS], hits.extent[COLUMNS], hits.extent[SAMPLES] = rounds, rows, columns, samples
     return many
 
 
@@ -237,13 +238,13 @@ def _begin(scene: Any, memory: Any, tile: Tile, first: Any, count: Any) -> int:
 def _trace_packet(scene, memory, packet, n, total):
     """Trace the n samples of a packet, whose items are set, and store their hits in the tile's."""
     hits = memory.hits
-    alone = hits.extent[0] == 1
+    alone = hits.extent[ROUNDS] == 1
     block = packet if alone else 0
     first_item = 3 * PACKET * block
     for row in range(1, 3):  # the rows of a packet with fewer samples follow each other
         for i in range(n):
             hits.items[first_item + row * n + i] = hits.items[first_item + row * PACKET + i]
-    items, rays, columns = hits.items[first_item : first_item + 3 * n], hits.rays[block], hits.extent[2]
+    items, rays, columns = hits.items[first_item : first_item + 3 * n], hits.rays[block], hits.extent[COLUMNS]
     t, instance, spacing, u, v = memory.t[:n], memory.instance[:n], memory.spacing[:n], memory.u[:n], memory.v[:n]
     for i in range(n):
         t[i], instance[i] = np.inf, -1
@@ -259,7 +260,7 @@ def _trace_packet(scene, memory, packet, n, total):
         hits.u[slot], hits.v[slot] = u[i], v[i]
         if len(memory.hidden) > 0:
             memory.hidden[slot] = memory.light_bits[i]
-    samples = hits.extent[3]
+    samples = hits.extent[SAMPLES]
     for slot in range(samples, min(samples + crosslane.WIDTH, len(hits.t))):  # vectors read them
         hits.t[slot], hits.instance[slot] = np.inf, -1
 

@@ -17,10 +17,12 @@ from ...lanes import crosslane, ops
 from ...simd.registration import overload, types
 from ...types import Hit, Lane
 from ..bvh_build import scene_layout
+from ..bvh_build.scene_layout import VISIBILITY
 
 SIDE = 64  # pixels of a tile's side, so that its rays fill a packet
 PACKET = SIDE**2  # samples of a packet: formula.packet_state.RAYS, which only scenes with formulas load
 QUICK = 2  # samples a pixel up to which tiles of large pictures hold four packets
+ROUNDS, ROWS, COLUMNS, SAMPLES = range(4)  # of TileHits.extent
 CAMERA, REST = int(ir.Visibility.CAMERA), scene_layout.CAMERA_REST
 
 
@@ -56,7 +58,7 @@ def is_needed(bvh: scene_layout.Bvh) -> bool:
 
 def packet_instances(bvh: scene_layout.Bvh) -> NDArray[np.intp]:
     """The instances of those surfaces."""
-    return np.flatnonzero((bvh.instance_rows[:, 0] & (CAMERA | REST)) == CAMERA)
+    return np.flatnonzero((bvh.instance_rows[:, VISIBILITY] & (CAMERA | REST)) == CAMERA)
 
 
 def is_used(primed: Any) -> bool:
@@ -68,9 +70,9 @@ def is_used(primed: Any) -> bool:
 def slot_of(primed: Any, x: Lane, y: Lane, s: Lane) -> Lane:
     """The slots of samples s of pixels x, y."""
     extent = primed.extent
-    row, column = _clip(y - primed.corner[1], extent[1]), _clip(x - primed.corner[0], extent[2])
-    pixel = row * extent[2] + column
-    return _clip(primed.start[pixel] + _clip(s - primed.first[pixel], extent[0]), extent[3])
+    row, column = _clip(y - primed.corner[1], extent[ROWS]), _clip(x - primed.corner[0], extent[COLUMNS])
+    pixel = row * extent[COLUMNS] + column
+    return _clip(primed.start[pixel] + _clip(s - primed.first[pixel], extent[ROUNDS]), extent[SAMPLES])
 
 
 def load_slots(column: Any, slot: Any) -> Lane:

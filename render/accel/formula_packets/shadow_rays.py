@@ -21,6 +21,7 @@ from ...surface import interaction
 from ...types import Hit, Lane, Options, Ray, Surface, Tables, Vec
 from .. import intersect
 from ..bvh_build import scene_layout
+from ..bvh_build.scene_layout import VISIBILITY
 from .hits import load_slots, packet_instances
 
 MAX_LIGHTS = 31  # two bits a light
@@ -29,7 +30,7 @@ CASTS, REST = int(ir.Visibility.SHADOW), scene_layout.SHADOW_REST
 
 def select_lights(bvh: scene_layout.Bvh, tables: ir.Tables, options: Options) -> list[int]:
     """The lights that packets test: none where no formula surface in packets casts shadows, and none in scenes with light links."""
-    if light_links.are_there(tables) or not options.shadows or not (bvh.instance_rows[packet_instances(bvh), 0] & CASTS).any():
+    if light_links.are_there(tables) or not options.shadows or not (bvh.instance_rows[packet_instances(bvh), VISIBILITY] & CASTS).any():
         return []
     return [k for k in range(len(tables.lights.kind)) if is_selected(tables, k)]
 

@@ -14,7 +14,7 @@ from ...jit.kernel import helper, noinline_helper
 from ...jit.packed_struct import skip_when_tagged
 from ...lanes import affine, crosslane, ops, row_gather
 from ...types import Hit, Lane, Vec
-from ..bvh_build.scene_layout import EXTENT, INSTANCE_ROW, MESH, NO_MESHES
+from ..bvh_build.scene_layout import EXTENT, GEOMETRY, INSTANCE_ROW, KIND, MESH, NO_MESHES
 from . import node_stack, ray_box, ray_state, shape_hit, single_ray
 from .ray_box import MeshRays, SceneRays
 from .ray_state import RAYS, STACK, StoredRays, TraversalState
@@ -201,14 +201,14 @@ def _enter_instances(
 @helper
 def _intersect_shape_instance(accel: Any, i: int, world: Any, state: TraversalState, k: int) -> None:
     """Test ray k against instance i, a shape, and record a closer hit."""
-    g = accel.instance_rows[i, 2]
+    g = accel.instance_rows[i, GEOMETRY]
     zero = crosslane.load(world, _T_MIN)
     o = affine.transform_point(accel.inverse, i, ops.like3(zero, _at(world, 0, k), _at(world, 1, k), _at(world, 2, k)))
     d = affine.transform_vector(
         accel.inverse, i, ops.like3(zero, _at(world, _DIRECTION, k), _at(world, _DIRECTION + 1, k), _at(world, _DIRECTION + 2, k))
     )
     t_min, t_max = ops.full_like(zero, _at(world, _T_MIN, k)), ops.full_like(zero, _at(world, _UNTIL, k))
-    all_t, part, u, v = _intersect_shape(accel, accel.instance_rows[i, 3], g, o, d, t_min, t_max)
+    all_t, part, u, v = _intersect_shape(accel, accel.instance_rows[i, KIND], g, o, d, t_min, t_max)
     t, primitive = crosslane.lane(all_t, 0), np.int64(crosslane.lane(part, 0))
     if ray_state.is_closer(state, k, t, i, primitive):
         ray_state.set_hit(state, k, t, (crosslane.lane(u, 0), crosslane.lane(v, 0), 1.0), i, primitive)

@@ -24,7 +24,7 @@ from ...simd.registration import overload, types
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
 from ..bvh_build import tlas
-from ..bvh_build.scene_layout import EXTENT, MESH, NO_MESHES, absent_features
+from ..bvh_build.scene_layout import EXTENT, GEOMETRY, KIND, MESH, NO_MESHES, ROOT, TRANSFORM, VISIBILITY, absent_features
 from ..bvh_build.wide_bvh import DEPTH, spread64, triangle_of
 from . import node_stack, ray_box, ray_state, shape_hit, single_ray, triangle_filter, two_level
 
@@ -130,11 +130,12 @@ def alpha_at_hit(accel: Any, ray: Ray, hit: Hit) -> tuple[Lane, Lane]:
             t, primitive = crosslane.lane(hit.t, k), crosslane.lane(hit.primitive, k)
             opacity = _opacity(accel, lane_ray, t, i, primitive, crosslane.lane(hit.u, k), crosslane.lane(hit.v, k))
             opacities = crosslane.with_lane(opacities, k, opacity)
-            if accel.instance_rows[i, 3] == shape_hit.FORMULA:
+            if accel.instance_rows[i, KIND] == shape_hit.FORMULA:
                 d = affine.transform_vector12(
-                    instance_transform.transform_at(accel.motion_alpha.tables, accel.instance_rows[i, 1], lane_ray.time).inverse, direction
+                    instance_transform.transform_at(accel.motion_alpha.tables, accel.instance_rows[i, TRANSFORM], lane_ray.time).inverse,
+                    direction,
                 )
-                extent = accel.parameters[accel.instance_rows[i, 2], 5]
+                extent = accel.parameters[accel.instance_rows[i, GEOMETRY], 5]
                 onward = crosslane.with_lane(onward, k, shape_hit.next_t(extent, d, t, primitive))
     return opacities, onward
 
@@ -224,9 +225,9 @@ def _intersect_instance(
     accel: Any, i: int, ray: Ray, limit: Any, visible_bit: int, any_hit: bool, transmittance: Any, stored: ray_state.StoredRays
 ) -> RayHit:
     """First hit of a ray with instance i up to `limit`; with `any_hit`, `transmittance` times that of the instance."""
-    if (accel.instance_rows[i, 0] & visible_bit) == 0:
+    if (accel.instance_rows[i, VISIBILITY] & visible_bit) == 0:
         return _no_hit(transmittance)
-    row, g, kind = accel.instance_rows[i, 1], accel.instance_rows[i, 2], accel.instance_rows[i, 3]
+    row, g, kind = accel.instance_rows[i, TRANSFORM], accel.instance_rows[i, GEOMETRY], accel.instance_rows[i, KIND]
     inverse = instance_transform.transform_at(accel.motion_alpha.tables, row, ray.time).inverse
     o, d = affine.transform_point12(inverse, ray.origin), affine.transform_vector12(inverse, ray.direction)
     if kind == MESH:
@@ -244,7 +245,7 @@ def _intersect_instance(
 @helper
 def _intersect_shape(accel: Any, i: int, o: Vec, d: Vec, ray: Ray, limit: Any, any_hit: bool, transmittance: Any) -> RayHit:
     """`_intersect_instance` for a shape in whose frame the ray is o + t d: one hit after another until one counts."""
-    g, kind = accel.instance_rows[i, 2], accel.instance_rows[i, 3]
+    g, kind = accel.instance_rows[i, GEOMETRY], accel.instance_rows[i, KIND]
     onward, u, v = ray.t_min, 0.0, 0.0
     while True:
         if kind == shape_hit.FORMULA:
@@ -268,7 +269,7 @@ def _intersect_mesh(
     accel: Any, i: int, ray: Ray, enters: Any, any_hit: bool, transmittance: Any, stored: ray_state.StoredRays
 ) -> RayHit:
     """`_intersect_instance` for a mesh, which the stored ray enters at t = `enters`."""
-    tree, root = accel.wide, np.int64(accel.instance_rows[i, 4])
+    tree, root = accel.wide, np.int64(accel.instance_rows[i, ROOT])
     stack, distances = simd.stack_array(np.int32, DEPTH), simd.stack_array(np.float32, DEPTH)
     node_ray, filter_ray = ray_state.node_ray(stored, 0), ray_state.filter_ray(stored, 0)
     sheared, limit = ray_state.sheared_ray(stored, 0), ray_state.limit(stored, 0)

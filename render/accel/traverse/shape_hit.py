@@ -16,6 +16,7 @@ from ...jit.value_types import INT64
 from ...lanes import crosslane, ops
 from ...lanes.kinds import FLOAT, INT, VEC
 from ...types import Lane, Vec
+from ..bvh_build.scene_layout import KIND
 
 FORMULA = int(ir.GeometryKind.FORMULA)
 AFTER = 8.0 * 2.0**-52  # distance to the next hit, relative to the largest coordinate and per unit of a hit's spacing
@@ -23,7 +24,7 @@ AFTER = 8.0 * 2.0**-52  # distance to the next hit, relative to the largest coor
 
 def link(accel: Handle) -> None:
     """Compile or load the kernels for formula surfaces and rare shapes where the scene has any; store their addresses."""
-    if (accel.tables.instance_rows[:, 3] > analytic_shapes.PLANE).any():
+    if (accel.tables.instance_rows[:, KIND] > analytic_shapes.PLANE).any():
         accel.put("rare_kernel", rare.link(accel.part("parameters"), INT64, INT64, VEC, VEC, FLOAT, FLOAT))
     if len(accel.tables.forms.places):
         accel.put("formula_kernel", _link_formulas(accel))

@@ -15,7 +15,7 @@ from ...lanes import affine, crosslane, ops, row_gather
 from ...lanes.kinds import FLOAT, INT, MASK, VEC
 from ...types import Hit, Lane, Vec
 from ..bvh_build import tlas
-from ..bvh_build.scene_layout import EXTENT, MESH, NO_MESHES, NO_TREE
+from ..bvh_build.scene_layout import EXTENT, GEOMETRY, KIND, MESH, NO_MESHES, NO_TREE, ROOT, VISIBILITY
 from ..bvh_build.wide_bvh import DEPTH
 from . import interleaved_mesh, interleaved_scene, node_stack, packet, packet_nodes, ray_box, shape_hit
 from .packet import PACKETS
@@ -137,9 +137,9 @@ def intersect_instance(
     accel: Any, i: int, origin: Vec, direction: Vec, t_min: Lane, t_max: Lane, visible_bit: int, any_hit: bool, best: Hit
 ) -> Hit:
     """`best`, or the hits with instance i in the lanes where those are closer."""
-    if (accel.instance_rows[i, 0] & visible_bit) == 0:
+    if (accel.instance_rows[i, VISIBILITY] & visible_bit) == 0:
         return best
-    g, kind = accel.instance_rows[i, 2], accel.instance_rows[i, 3]
+    g, kind = accel.instance_rows[i, GEOMETRY], accel.instance_rows[i, KIND]
     o, d = affine.transform_point(accel.inverse, i, origin), affine.transform_vector(accel.inverse, i, direction)
     zero = ops.full_like(t_min, 0.0)
     hit = Hit(zero + np.inf, ops.int_like(zero, i), ops.int_like(zero, -1), zero, zero)
@@ -170,7 +170,7 @@ def _intersect_mesh_instance(
 ) -> Hit:  # fmt: skip
     """The hits of rays in the frame of instance i with its mesh, or `nothing`."""
     o = ops.sub(o, (accel.origin[g, 0], accel.origin[g, 1], accel.origin[g, 2]))
-    t, primitive, u, v = _intersect_mesh(accel, g, np.int64(accel.instance_rows[i, 4]), o, d, t_min, t_max, nearest, any_hit)
+    t, primitive, u, v = _intersect_mesh(accel, g, np.int64(accel.instance_rows[i, ROOT]), o, d, t_min, t_max, nearest, any_hit)
     return Hit(t, nothing.instance, primitive, u, v)
 
 

@@ -13,7 +13,7 @@ from ..lanes import affine, ops
 from ..surface import interaction
 from ..types import Lane, Vec
 from .meshlets import RECORD, SHIFT
-from .triangle_planes import EVEN, PRECISE, READY, ROWS
+from .triangle_planes import EVEN, OUTWARD, PRECISE, READY, ROWS, UV
 
 FLAT = int(ir.Shading.FLAT)
 WIDE = 64.0  # pixels: larger triangles need float64
@@ -175,7 +175,7 @@ def write_uvs(tables: Any, record: Any, offset: int, lanes: Lane, transform: int
         du, dv = interaction.uv_metric(corners.e1, corners.e2, u1, v1, u2, v2)
         stretch = interaction.mean_scale(affine.load12(tables.transforms.matrix, transform))
         du, dv = du * stretch, dv * stretch
-    write_floats(record, offset + 16, lanes, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))
+    write_floats(record, offset + UV, lanes, (u[0], u[1], u[2], v[0], v[1], v[2], du, dv))
 
 
 @helper
@@ -190,7 +190,7 @@ def write_colors(tables: Any, record: Any, offset: int, lanes: Lane, g: int, tri
         red = plane_of(weights, first_color[0], b_color[0], c_color[0])
         green = plane_of(weights, first_color[1], b_color[1], c_color[1])
         blue = plane_of(weights, first_color[2], b_color[2], c_color[2])
-    write_floats(record, offset + 24, lanes, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
+    write_floats(record, offset + OUTWARD, lanes, (face[0], face[1], face[2], red[0], red[1], red[2], green[0], green[1]))
     write_floats(record, offset + 32, lanes, (green[2], blue[0], blue[1], blue[2], zero, zero, zero, zero))
 
 

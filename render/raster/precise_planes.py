@@ -17,10 +17,11 @@ from ..surface import interaction
 from ..types import Lane, Vec
 from .meshlets import SHIFT
 from .plane_setup import FLAT, WIDE
-from .triangle_planes import CACHED, Attributes
+from .triangle_planes import CACHED, COLOR, FACING, INSTANCE, KEY, KEY_X, KEY_Y, METRIC, ORIGIN_X, ORIGIN_Y, OUTWARD, UV, Attributes
 
 _FLAT = 2.0  # at _EVEN: corners have one normal
-_NEAR = 11  # place in PlaneCache.precise of the block record's box of pixels: x0, x1, y0, y1
+# Places in PlaneCache.precise: planes of the second, third and first corners' weights; the block record's box of pixels x0, x1, y0, y1.
+_SECOND, _THIRD, _FIRST, _NEAR = 2, 5, 8, 11
 # Places in PlaneCache.corners: slopes of weights, normals, whether these lie on one side or are equal, …
 _SLOPES, _NORMALS, _EVEN, _FRONT, _FACE, _DEPTHS, _PLACES, _OWN, _METRIC, _COLORS = 0, 6, 15, 16, 17, 20, 23, 29, 32, 34
 
@@ -34,9 +35,9 @@ def interpolate(shading, textured, colored, i, row, at_x, at_y):
     zero = simd.f32x16(0.0)
     low_x, high_x = simd.to_f64(simd.low_half(bx)), simd.to_f64(simd.high_half(bx))
     low_y, high_y = simd.to_f64(simd.low_half(by)), simd.to_f64(simd.high_half(by))
-    eu = simd.concatenate(simd.to_f32(weight_at(p, 2, low_x, low_y)), simd.to_f32(weight_at(p, 2, high_x, high_y)))
-    ev = simd.concatenate(simd.to_f32(weight_at(p, 5, low_x, low_y)), simd.to_f32(weight_at(p, 5, high_x, high_y)))
-    ew = simd.concatenate(simd.to_f32(weight_at(p, 8, low_x, low_y)), simd.to_f32(weight_at(p, 8, high_x, high_y)))
+    eu = simd.concatenate(simd.to_f32(weight_at(p, _SECOND, low_x, low_y)), simd.to_f32(weight_at(p, _SECOND, high_x, high_y)))
+    ev = simd.concatenate(simd.to_f32(weight_at(p, _THIRD, low_x, low_y)), simd.to_f32(weight_at(p, _THIRD, high_x, high_y)))
+    ew = simd.concatenate(simd.to_f32(weight_at(p, _FIRST, low_x, low_y)), simd.to_f32(weight_at(p, _FIRST, high_x, high_y)))
     eu = simd.maximum(simd.fma(x, s[_SLOPES], simd.fma(y, s[_SLOPES + 1], eu)), 0.0)
     ev = simd.maximum(simd.fma(x, s[_SLOPES + 2], simd.fma(y, s[_SLOPES + 3], ev)), 0.0)
     ew = simd.maximum(simd.fma(x, s[_SLOPES + 4], simd.fma(y, s[_SLOPES + 5], ew)), 0.0)
@@ -111,26 +112,26 @@ def make_block_record(shading, textured, colored, i, row, x, y, last):
     perspective, record = shading.projection.perspective, shading.planes.record
     weight = weight_sum(p, left, y)
     if perspective:  # the sum of weights times depths is constant
-        first, second, third = weight_at(p, 8, left, y), weight_at(p, 2, left, y), weight_at(p, 5, left, y)
+        first, second, third = weight_at(p, _FIRST, left, y), weight_at(p, _SECOND, left, y), weight_at(p, _THIRD, left, y)
         weight = first * s[_DEPTHS] + second * s[_DEPTHS + 1] + third * s[_DEPTHS + 2]
     scale = 1.0 / weight
     for k in range(3):
         record[last, k], record[last, k + 4], record[last, k + 8] = plane_about(p, left, y, corner_values(s, _NORMALS + k, 3, scale))
     if perspective:
-        record[last, 3] = weight_sum(p, left, y) * scale
-        record[last, 7], record[last, 11] = (p[3] + p[6] + p[9]) * scale, (p[4] + p[7] + p[10]) * scale
+        record[last, KEY] = weight_sum(p, left, y) * scale
+        record[last, KEY_X], record[last, KEY_Y] = (p[3] + p[6] + p[9]) * scale, (p[4] + p[7] + p[10]) * scale
     else:
-        record[last, 3], record[last, 7], record[last, 11] = plane_about(p, left, y, corner_values(s, _DEPTHS, 1, scale))
-    record[last, 12], record[last, 13], record[last, 14], record[last, 15] = left, y, s[_FRONT], i
+        record[last, KEY], record[last, KEY_X], record[last, KEY_Y] = plane_about(p, left, y, corner_values(s, _DEPTHS, 1, scale))
+    record[last, ORIGIN_X], record[last, ORIGIN_Y], record[last, FACING], record[last, INSTANCE] = left, y, s[_FRONT], i
     if textured is not None:
         for k in range(2):
-            c = 16 + 3 * k
+            c = UV + 3 * k
             record[last, c], record[last, c + 1], record[last, c + 2] = plane_about(p, left, y, corner_values(s, _PLACES + k, 2, scale))
-            record[last, 22 + k] = s[_METRIC + k]
+            record[last, METRIC + k] = s[_METRIC + k]
     if colored is not None:
         for k in range(3):
-            c = 27 + 3 * k
-            record[last, 24 + k] = s[_OWN + k]
+            c = COLOR + 3 * k
+            record[last, OUTWARD + k] = s[_OWN + k]
             record[last, c], record[last, c + 1], record[last, c + 2] = plane_about(p, left, y, corner_values(s, _COLORS + k, 3, scale))
     return last
 
@@ -165,7 +166,7 @@ def is_level(p: Any, x0: float, y0: float, x1: float, y1: float) -> bool:
 @helper
 def weight_sum(p: Any, x: float, y: float) -> float:
     """The sum of the three weights at a pixel position."""
-    return weight_at(p, 2, x, y) + weight_at(p, 5, x, y) + weight_at(p, 8, x, y)
+    return weight_at(p, _SECOND, x, y) + weight_at(p, _THIRD, x, y) + weight_at(p, _FIRST, x, y)
 
 
 @helper
@@ -179,7 +180,7 @@ def plane_about(p: Any, x: float, y: float, values: Vec) -> Vec:
     """The plane c, a, b about (x, y) of the corners' values, each times its weight."""
     first, second, third = values
     return (
-        weight_at(p, 8, x, y) * first + weight_at(p, 2, x, y) * second + weight_at(p, 5, x, y) * third,
+        weight_at(p, _FIRST, x, y) * first + weight_at(p, _SECOND, x, y) * second + weight_at(p, _THIRD, x, y) * third,
         p[9] * first + p[3] * second + p[6] * third, p[10] * first + p[4] * second + p[7] * third,
     )  # fmt: skip
 
@@ -222,7 +223,7 @@ def setup_corners(projection, meshlets, tables, planes, s, textured, colored, i,
     first, second, third = cross(row_b, row_c), cross(row_c, row_a), cross(row_a, row_b)
     det = row_a[0] * first[1] + row_a[1] * first[2] + row_a[2] * first[0]
     for n in range(3):
-        planes[2 + n], planes[5 + n], planes[8 + n] = second[n], third[n], first[n]
+        planes[_SECOND + n], planes[_THIRD + n], planes[_FIRST + n] = second[n], third[n], first[n]
     largest = 1e-300
     for n in range(2, 11):
         largest = max(largest, abs(planes[n]))

@@ -23,6 +23,8 @@ from .meshlets import SHIFT
 PLAIN = 16  # floats of a record: c and a of normal and key; b of them, origin x and y, facing, instance
 TEXTURED = 24  # and planes of u and v
 COLORED = 40  # and metres a unit of u and v, geometric normal, planes of the colour
+KEY, KEY_X, KEY_Y, ORIGIN_X, ORIGIN_Y, FACING, INSTANCE, UV, METRIC, OUTWARD, COLOR = 3, 7, 11, 12, 13, 14, 15, 16, 22, 24, 27
+"""Places of these floats in a record; a plane takes three."""
 CACHED = 256  # precise triangles, a power of two
 EVEN, PRECISE = 1.25, 2.0  # absolute value of a record's facing: corners have one normal; precise; else 1
 ROWS, READY, CLEARED = range(3)  # of PlaneCache.count
@@ -72,11 +74,11 @@ def plane_cache(visible: int, most: int, textured: bool, colored: bool) -> Plane
 def clear(cache: Any) -> None:
     """Remove all records: ids change."""
     count = cache.count
-    count[2] += count[0]
-    count[0] = count[1] = 0
-    if count[2] > 1 << 30:
+    count[CLEARED] += count[ROWS]
+    count[ROWS] = count[READY] = 0
+    if count[CLEARED] > 1 << 30:
         cache.row[:] = -1
-        count[2] = 0
+        count[CLEARED] = 0
     cache.precise[:, 0] = -1.0
 
 
@@ -174,13 +176,13 @@ def are_precise(record: Any) -> Lane:
 @helper
 def is_precise(cache: Any, row: int) -> bool:
     """Whether a record is of a precise triangle."""
-    return abs(simd.read(cache.record, row * cache.record.shape[1] + 14)) == PRECISE
+    return abs(simd.read(cache.record, row * cache.record.shape[1] + FACING)) == PRECISE
 
 
 @helper
 def is_flat(cache: Any, row: int) -> bool:
     """Whether the corners of a triangle, not a precise one, have one normal."""
-    return abs(simd.read(cache.record, row * cache.record.shape[1] + 14)) == EVEN
+    return abs(simd.read(cache.record, row * cache.record.shape[1] + FACING)) == EVEN
 
 
 @helper

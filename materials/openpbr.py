@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 
 from ..compiler import ir
-from ..compiler.scene.row_records import Input, MaterialData, scale_color
+from ..compiler.scene.metallic_roughness import NOTHING
+from ..compiler.scene.row_records import WHITE, Input, MaterialData, MediumData, as_color, scale_color
 from ..lang.schema.argument_types import Arg, Entry
-from . import losses
+from . import losses, subsurface
 from .arguments import SURFACE
 from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 
 MODEL = ir.MaterialModel.OPENPBR
 Slot = ir.Slot
+DARKEST = 1e-6  # least component of a colour inside: 0 has infinite absorption
 NUMBERS: Mapping[str, tuple[ir.Slot, float, float | None, str]] = {
     "base_weight": (Slot.BASE_WEIGHT, 1.0, None, "factor of the base colour"),
     "base_metalness": (Slot.METALLIC, 0.0, 1.0, "0: dielectric, 1: metal"),
@@ -33,6 +35,8 @@ NUMBERS: Mapping[str, tuple[ir.Slot, float, float | None, str]] = {
     "coat_darkening": (Slot.COAT_DARKENING, 1.0, 1.0, "how much the coat darkens and saturates the base by light that it sends back"),
     "fuzz_weight": (Slot.FUZZ, 0.0, 1.0, "weight of the fuzz of fibres or dust over all"),
     "fuzz_roughness": (Slot.FUZZ_ROUGHNESS, 0.5, 1.0, "roughness of the fuzz"),
+    "transmission_weight": (Slot.TRANSMISSION_WEIGHT, 0.0, 1.0, "share of the dielectric that light passes, as glass"),
+    "subsurface_weight": (Slot.SUBSURFACE_WEIGHT, 0.0, 1.0, "share of the opaque dielectric that light scatters in"),
     "thin_film_weight": (Slot.FILM, 0.0, 1.0, "weight of a thin film on the base, under the coat: soap, oil, oxide"),
     "thin_film_thickness": (Slot.FILM_THICKNESS, 0.5, None, "thickness of the film in micrometres"),
     "thin_film_ior": (Slot.FILM_IOR, 1.4, None, "index of refraction of the film"),
@@ -43,13 +47,16 @@ COLORS: Mapping[str, tuple[ir.Slot, float, str]] = {
     "specular_color": (Slot.SPECULAR, 1.0, "of metals the tint at grazing angles; of dielectrics the tint of the highlight"),
     "coat_color": (Slot.COAT_COLOR, 1.0, "colour of white light that has passed the coat twice"),
     "fuzz_color": (Slot.FUZZ_COLOR, 1.0, "colour of the fuzz"),
+    "transmission_color": (Slot.TRANSMISSION_COLOR, 1.0, "colour after `transmission_depth`; without a depth, tint of what passes"),
+    "subsurface_color": (Slot.SUBSURFACE_COLOR, 0.8, "share of the light that leaves a thick body of it"),
 }
 """Arguments that are colours: slot, default, meaning."""
 _ORDER = (
     "base_color", "base_weight", "base_metalness", "base_diffuse_roughness", "specular_weight", "specular_color", "specular_roughness",
     "specular_ior", "specular_roughness_anisotropy", "specular_rotation", "coat_weight", "coat_color", "coat_roughness", "coat_ior",
     "coat_roughness_anisotropy", "coat_rotation", "coat_darkening", "fuzz_weight", "fuzz_color", "fuzz_roughness",
-    "thin_film_weight", "thin_film_thickness", "thin_film_ior",
+    "transmission_weight", "transmission_color", "subsurface_weight", "subsurface_color", "thin_film_weight", "thin_film_thickness",
+    "thin_film_ior",
 )  # fmt: skip
 
 
@@ -65,7 +72,71 @@ def _lower(arguments: Arguments) -> MaterialData:
     given = {slot: arguments.number(name) for name, (slot, *_) in NUMBERS.items()}
     given |= {slot: arguments.color(name) for name, (slot, *_) in COLORS.items()}
     given[Slot.EMISSION] = Input(scale_color(color.value, arguments.args["emission_luminance"]), color.texture)
-    return data(given)
+    given[Slot.THIN_WALLED] = Input.number(float(arguments.args["geometry_thin_walled"]))
+    if arguments.args["geometry_thin_walled"]:
+        _thin_walled(arguments)
+        given[Slot.SUBSURFACE_ANISOTROPY] = Input.number(arguments.args["subsurface_scatter_anisotropy"])
+        return data(given)
+    return data(given, medium=_medium(arguments, given))
+
+
+INSIDE = (("transmission_depth", 0.0), ("transmission_scatter", (0.0, 0.0, 0.0)), ("transmission_scatter_anisotropy", 0.0))
+
+
+def _is_set(given: Input) -> bool:
+    return given.texture >= 0 or given.value[0] > 0.0
+
+
+def _thin_walled(arguments: Arguments) -> None:
+    """Report arguments of an inside, which a thin wall has not."""
+    for name, default in INSIDE:
+        if arguments.args[name] != default:
+            arguments.error(f"openpbr: `{name}` is that of an inside, and a thin wall has none", f"leave out `{name}`")
+
+
+def _medium(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
+    """The row of the medium inside, -1 without; with errors for what has no effect."""
+    clear, spread = _is_set(given[Slot.TRANSMISSION_WEIGHT]), _is_set(given[Slot.SUBSURFACE_WEIGHT])
+    if clear and spread:
+        message = "openpbr: `transmission_weight` and `subsurface_weight` are both above 0, and a shape is filled by one medium"
+        arguments.error(message, "leave out one of them, or give `geometry_thin_walled: true`")
+        return -1
+    if clear and arguments.args["transmission_depth"] > 0.0:
+        return _murky(arguments, given)
+    for name, default in reversed(INSIDE):
+        if arguments.args[name] != default:
+            needed = "`transmission_depth`" if clear else "`transmission_weight`"
+            arguments.error(f"openpbr: `{name}` has no effect without {needed}", f"give {needed}, or leave out `{name}`")
+            return -1
+    return _body(arguments, given) if spread else -1
+
+
+def _murky(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
+    """What absorbs white light to `transmission_color` in `transmission_depth`, and scatters `transmission_scatter` of it."""
+    color, depth = given[Slot.TRANSMISSION_COLOR], arguments.args["transmission_depth"]
+    if color.texture >= 0:
+        arguments.error("openpbr: `transmission_color` is that of the inside, which has one colour", "leave out `transmission_depth`")
+        return -1
+    given[Slot.TRANSMISSION_COLOR] = Input(WHITE)
+    extinction = -np.log(np.maximum(np.array(color.value), DARKEST)) / depth
+    scattering = np.array(arguments.args["transmission_scatter"]) / depth
+    absorption = np.maximum(extinction - scattering, 0.0) if np.all(extinction >= scattering) else extinction - scattering
+    absorption = absorption - min(float(absorption.min()), 0.0)
+    anisotropy = arguments.args["transmission_scatter_anisotropy"]
+    return arguments.medium(MediumData(as_color(scattering), as_color(absorption), anisotropy=anisotropy))
+
+
+def _body(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
+    """The medium of a body of `subsurface_color`. A phase function with a mean cosine g scatters 1/(1 − g) as often for the same body."""
+    color, lengths = given[Slot.SUBSURFACE_COLOR], arguments.args["subsurface_radius"]
+    if color.texture >= 0:
+        hint = "use subsurface(…), whose colour takes pictures, in a blend(…)"
+        arguments.error("openpbr: `subsurface_color` of a solid body is one colour", hint)
+        return -1
+    anisotropy = arguments.args["subsurface_scatter_anisotropy"]
+    red, green, blue = (lengths * max(share, 1e-4) for share in arguments.args["subsurface_radius_scale"])
+    scattering, absorption = subsurface.coefficients(color.value, (red, green, blue))
+    return arguments.medium(MediumData(scale_color(scattering, 1.0 / (1.0 - anisotropy)), absorption, anisotropy=anisotropy))
 
 
 def _argument(name: str) -> Arg:
@@ -80,14 +151,25 @@ def _argument(name: str) -> Arg:
     return Arg(name, "number_map", default, meaning, minimum=least, maximum=most, keyword=True)
 
 
+def _phase(name: str, meaning: str) -> Arg:
+    return Arg(name, "number", 0.0, f"mean cosine {meaning}: -1 back, 1 forward", above=-1.0, below=1.0, keyword=True)
+
+
 ELEMENTS = (
     Element(
         Entry(
             "openpbr",
             "material",
-            "OpenPBR Surface: a metal, a dielectric or a mix of both under a coat and fuzz; names and defaults as in its specification 1.1",
+            "OpenPBR Surface 1.1: a mix of metal, glass, body and diffuse base under a thin film, a coat and fuzz",
             (
                 *map(_argument, _ORDER),
+                Arg("transmission_depth", "length", 0.0, "length that `transmission_color` refers to; 0: none", minimum=0.0, keyword=True),
+                Arg("transmission_scatter", "color", (0.0, 0.0, 0.0), "colour that it scatters over `transmission_depth`", keyword=True),
+                _phase("transmission_scatter_anisotropy", "of light that the inside scatters"),
+                Arg("subsurface_radius", "length", 0.01, "how far light goes below the surface of a body", above=0.0, keyword=True),
+                Arg("subsurface_radius_scale", "color", (1.0, 0.5, 0.25), "factors of the radius in red, green and blue", keyword=True),
+                _phase("subsurface_scatter_anisotropy", "of light that a body scatters; of a thin wall, its share that passes"),
+                Arg("geometry_thin_walled", "bool", False, "a wall without an inside: light passes straight or diffusely", keyword=True),
                 Arg("emission_luminance", "luminance", 0.0, "nit where `emission_color` is 1", minimum=0.0, keyword=True),
                 Arg("emission_color", "color_map", (1.0, 1.0, 1.0), "colour of the light that it emits", keyword=True),
                 *SURFACE,
@@ -98,7 +180,10 @@ ELEMENTS = (
     ),
 )
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.SLABS, Slot.DIFFUSE, None, False
-SLOTS = (*(slot for slot, *_ in NUMBERS.values()), *(slot for slot, *_ in COLORS.values()), Slot.EMISSION)
+SLOTS = (
+    *(slot for slot, *_ in NUMBERS.values()), *(slot for slot, *_ in COLORS.values()), Slot.EMISSION, Slot.THIN_WALLED,
+    Slot.SUBSURFACE_ANISOTROPY,
+)  # fmt: skip
 LOBE = facets = None
 
 
@@ -117,6 +202,7 @@ def _report(row: Any, *carried: ir.Slot) -> None:
     plain = {slot: (value, value, value) for slot, value, _ in COLORS.values()}
     plain |= {slot: (default, 0.0, 0.0) for slot, default, *_ in NUMBERS.values()}
     parts = {Slot.COAT: COAT, Slot.FUZZ: FUZZ, Slot.FILM: FILM}
+    parts |= {Slot.TRANSMISSION_WEIGHT: (Slot.TRANSMISSION_COLOR,), Slot.SUBSURFACE_WEIGHT: (Slot.SUBSURFACE_COLOR,)}
     for name, slot in {name: slot for name, (slot, *_) in {**NUMBERS, **COLORS}.items()}.items():
         owner = next((weight for weight, slots in parts.items() if slot in slots), None)
         if slot in carried or (owner is not None and _number(row, owner) == 0.0 and row.texture(owner) < 0):
@@ -132,8 +218,12 @@ _BASE = (Slot.DIFFUSE, Slot.BASE_WEIGHT, Slot.METALLIC, Slot.ROUGHNESS)
 
 
 def surface(row: SurfaceRow) -> Exported:
-    """A metallic–roughness surface with a coat, and with fuzz as sheen."""
-    _report(row, *_BASE, Slot.IOR, Slot.COAT, Slot.COAT_ROUGHNESS, Slot.FUZZ, Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS)
+    """A metallic–roughness surface with a coat, and with fuzz as sheen; glass, where all light passes it."""
+    carried = (Slot.IOR, Slot.COAT, Slot.COAT_ROUGHNESS, Slot.FUZZ, Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS)
+    if _number(row, Slot.TRANSMISSION_WEIGHT) == 1.0 and row.texture(Slot.TRANSMISSION_WEIGHT) < 0:
+        _report(row, *carried, *_BASE, Slot.TRANSMISSION_WEIGHT, Slot.TRANSMISSION_COLOR)
+        return Exported(row.surface(row.input(Slot.TRANSMISSION_COLOR), NOTHING, row.input(Slot.ROUGHNESS), row.ior), 1.0)
+    _report(row, *_BASE, *carried)
     fuzz, weight = row.input(Slot.FUZZ_COLOR), _number(row, Slot.FUZZ)
     if weight > 0.0:
         row.note(losses.FUZZ)

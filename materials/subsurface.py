@@ -86,6 +86,7 @@ facets = None
 def diffuse_substitute(tables: ir.Tables) -> ir.Tables:
     """The tables with surfaces of their colour in place of bodies, for rays that do not scatter in media: diffuse ones, and under a
     highlight those of `principled`."""
+    tables = _without_slab_bodies(tables)
     m = tables.materials
     bodies = m.model == MODEL
     if not bodies.any():
@@ -98,6 +99,20 @@ def diffuse_substitute(tables: ir.Tables) -> ir.Tables:
     values[shiny, ir.Slot.AMBIENT], textures[shiny, ir.Slot.AMBIENT] = 1.0, -1  # of `principled` its occlusion
     values[bodies, ir.Slot.DIFFUSE_TRANSMISSION] = 0.0
     return tables._replace(materials=m._replace(model=model, values=values, textures=textures, medium=medium))
+
+
+def _without_slab_bodies(tables: ir.Tables) -> ir.Tables:
+    """Likewise of slabs, whose diffuse colour is a mix of that of the base and that of the body."""
+    m, slot = tables.materials, ir.Slot
+    share = m.values[:, slot.SUBSURFACE_WEIGHT, :1]
+    bodies = (m.model == ir.MaterialModel.OPENPBR) & (m.medium >= 0) & (share[:, 0] > 0.0)
+    if not bodies.any():
+        return tables
+    values, medium = m.values.copy(), np.where(bodies, -1, m.medium).astype(m.medium.dtype)
+    base = values[:, slot.DIFFUSE] * values[:, slot.BASE_WEIGHT, :1]
+    values[bodies, slot.DIFFUSE] = ((1.0 - share) * base + share * values[:, slot.SUBSURFACE_COLOR])[bodies]
+    values[bodies, slot.BASE_WEIGHT], values[bodies, slot.SUBSURFACE_WEIGHT] = 1.0, 0.0
+    return tables._replace(materials=m._replace(values=values, medium=medium))
 
 
 def surface(row: SurfaceRow) -> Exported:

@@ -139,7 +139,7 @@ def emissive(tables: ir.Tables) -> np.ndarray:
 
 def clear(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials that transmit light, as glass and those with k_t do."""
-    return has(tables, Lobes.GLASS) | _positive(tables, Slot.TRANSMISSION)
+    return has(tables, Lobes.GLASS) | _positive(tables, Slot.TRANSMISSION) | transmitting(tables)
 
 
 def passes_light(tables: ir.Tables) -> np.ndarray:
@@ -165,6 +165,16 @@ def anisotropic(tables: ir.Tables) -> np.ndarray:
     return slabs(tables) & (_may_exceed(tables, Slot.ANISOTROPY) | _may_exceed(tables, Slot.COAT_ANISOTROPY))
 
 
+def passed(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: slabs that light passes."""
+    return slabs(tables) & (_may_exceed(tables, Slot.TRANSMISSION_WEIGHT) | _may_exceed(tables, Slot.SUBSURFACE_WEIGHT))
+
+
+def transmitting(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: slabs that light passes refracted, or straight through a thin wall."""
+    return slabs(tables) & _may_exceed(tables, Slot.TRANSMISSION_WEIGHT)
+
+
 def filmed(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials under a thin film."""
     return slabs(tables) & _may_exceed(tables, Slot.FILM)
@@ -177,7 +187,7 @@ def added(tables: ir.Tables) -> np.ndarray:
 
 def translucent(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials that scatter light diffusely to their other side."""
-    return _THROUGH[tables.materials.model]
+    return _THROUGH[tables.materials.model] | passed(tables)
 
 
 def rough_glass(tables: ir.Tables) -> np.ndarray:
@@ -246,7 +256,8 @@ def polished(tables: ir.Tables) -> np.ndarray:
     smooth = (tables.materials.values[:, Slot.ROUGHNESS, 0] <= thresholds.MAX_CAUSTIC_ROUGHNESS) | _textured(tables, Slot.ROUGHNESS)
     metallic = (tables.materials.values[:, Slot.METALLIC, 0] >= 1.0) | _textured(tables, Slot.METALLIC)
     metallic |= ~has(tables, Lobes.BASE | Lobes.SLABS)
-    return with_parts(tables, ((facets(tables) | slabs(tables)) & smooth & metallic) | (rough_glass(tables) & smooth))
+    focusing = (facets(tables) & metallic) | (slabs(tables) & (metallic | transmitting(tables)))
+    return with_parts(tables, (focusing & smooth) | (rough_glass(tables) & smooth))
 
 
 def narrow_highlights(tables: ir.Tables) -> np.ndarray:

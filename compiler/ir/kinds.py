@@ -113,6 +113,7 @@ class Slot(Kind):
     SUBSURFACE_COLOR = 42  # colour
     THIN_WALLED = 43  # number, 0 or 1; no texture
     DISPERSION = 44  # number: 20 over the Abbe number of glass; 0: one index for all wavelengths; no texture
+    SUBSURFACE_ANISOTROPY = 45  # number, −1 to 1; no texture
 
 
 SLOTS = len(Slot)

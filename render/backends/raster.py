@@ -158,12 +158,12 @@ def notes(scene: ir.Scene, plan: Plan) -> list[tuple[str, str, int]]:
     tables, messages = scene.tables, []
     used = np.unique(tables.instances.material[tables.instances.visible & ir.Visibility.CAMERA != 0])
     glass, clear, mirrors, glossy = traits.has(tables, Lobes.GLASS), traits.clear(tables), traits.mirrors(tables), traits.glossy(tables)
-    perfect = traits.has(tables, Lobes.MIRROR)
+    perfect, slabs = traits.has(tables, Lobes.MIRROR), traits.slabs(tables)
     for row in used.tolist():
         if plan["raster.secondary_rays"] == "trace":
             continue
         if clear[row]:
-            name = "glass" if glass[row] else "k_t"
+            name = "glass" if glass[row] or slabs[row] else "k_t"
             messages.append((f"raster draws {name} without refraction: the sky and the ground's mean light show", "materials", row))
         elif mirrors[row]:
             name = "mirrors" if perfect[row] else "k_r"

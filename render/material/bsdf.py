@@ -179,6 +179,18 @@ def sample_glossy_or_diffuse(
 
 
 @helper
+def refracts(shader: Shader, plain: Lane) -> Lane:
+    """Return `plain`, or True for rough glass and slabs that refract."""
+    return rough_dielectric.or_rough(shader.frost, openpbr.or_refracts(shader.slabs, plain))
+
+
+@helper
+def relative_index(shader: Shader, plain: Lane) -> Lane:
+    """Return the index of this side over the other's: of rough glass and slabs that refract, else `plain`."""
+    return rough_dielectric.eta(shader.frost, openpbr.eta(shader.slabs, plain))
+
+
+@helper
 def is_rough_glass(shader: Shader, plain: Lane) -> Lane:
     """Return `plain`, or True for rough glass."""
     return rough_dielectric.or_rough(shader.frost, plain)
@@ -187,7 +199,8 @@ def is_rough_glass(shader: Shader, plain: Lane) -> Lane:
 @helper
 def scatters_through(shader: Shader, plain: Lane) -> Lane:
     """Return `plain`, or True for what scatters light to its other side: rough glass and translucent sheets."""
-    return rough_dielectric.or_rough(shader.frost, added_lobes.or_through(shader.added, plain))
+    plain = openpbr.or_through(shader.slabs, added_lobes.or_through(shader.added, plain))
+    return rough_dielectric.or_rough(shader.frost, plain)
 
 
 @helper

@@ -14,15 +14,16 @@ from typing import Any, NamedTuple
 from ...compiler import ir
 from ...materials import traits
 from ...materials.thresholds import LOWEST, MAX_CAUSTIC_ALPHA, MAX_REFLECTION_ALPHA
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
 from ..simd.registration import overload
 from ..surface import tangent_frame
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
-from . import anisotropic_facets, dielectric_albedo, energy_compensation, slabs
+from . import anisotropic_facets, dielectric_albedo, energy_compensation, slab_film, slabs
 from .anisotropic_facets import Facets
+from .slab_passage import SAME, Passage
 from .slabs import LEAST, Slabs
 
 Slot = ir.Slot
@@ -36,6 +37,9 @@ SPECULAR_WEIGHT, SPECULAR, ROUGHNESS, IOR = (int(s) for s in (Slot.SPECULAR_WEIG
 ANISOTROPY, ROTATION, COAT, COAT_COLOR = (int(s) for s in (Slot.ANISOTROPY, Slot.ROTATION, Slot.COAT, Slot.COAT_COLOR))
 COAT_ROUGHNESS, COAT_IOR, COAT_ANISOTROPY = (int(s) for s in (Slot.COAT_ROUGHNESS, Slot.COAT_IOR, Slot.COAT_ANISOTROPY))
 COAT_ROTATION, COAT_DARKENING = int(Slot.COAT_ROTATION), int(Slot.COAT_DARKENING)
+TRANSMISSION_WEIGHT, TRANSMISSION_COLOR = int(Slot.TRANSMISSION_WEIGHT), int(Slot.TRANSMISSION_COLOR)
+SUBSURFACE_WEIGHT, SUBSURFACE_COLOR = int(Slot.SUBSURFACE_WEIGHT), int(Slot.SUBSURFACE_COLOR)
+PHASE, THIN_WALLED = int(Slot.SUBSURFACE_ANISOTROPY), int(Slot.THIN_WALLED)
 FILM, FILM_THICKNESS, FILM_IOR = int(Slot.FILM), int(Slot.FILM_THICKNESS), int(Slot.FILM_IOR)
 FUZZ, FUZZ_COLOR, FUZZ_ROUGHNESS = int(Slot.FUZZ), int(Slot.FUZZ_COLOR), int(Slot.FUZZ_ROUGHNESS)
 
@@ -54,6 +58,16 @@ class Films(NamedTuple):
     count: int
 
 
+class NoPassages(NamedTuple):
+    """Light passes no material of slabs."""
+
+
+class Passages(NamedTuple):
+    """Light passes some material of slabs."""
+
+    count: int
+
+
 class SlabTables(NamedTuple):
     """Some material is OpenPBR's."""
 
@@ -61,6 +75,7 @@ class SlabTables(NamedTuple):
     reflection: dielectric_albedo.Reflection
     turned: Any  # tangent_frame.Turned or Round
     films: Any  # Films or NoFilms
+    passages: Any  # Passages or NoPassages
 
 
 def tables_of(tables: ir.Tables) -> SlabTables | NoSlabs:
@@ -70,7 +85,8 @@ def tables_of(tables: ir.Tables) -> SlabTables | NoSlabs:
     used = traits.used(tables)
     turned = tangent_frame.Turned(1) if (traits.anisotropic(tables) & used).any() else tangent_frame.Round()
     films = Films(1) if (traits.filmed(tables) & used).any() else NoFilms()
-    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films)
+    passages = Passages(1) if (traits.passed(tables) & used).any() else NoPassages()
+    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages)
 
 
 def at(tables: Tables, surface: Surface) -> Slabs | None:
@@ -141,19 +157,57 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         ratio = ratio / ops.lerp(zero + 1.0, coat_ratio, coat)
     fibres = ops.where(here, _share(tables, surface, FUZZ), zero)
     facets = anisotropic_facets.facets(tangent, across, turns, rough, anisotropy)
-    return Slabs(
+    plain = Slabs(
         here, color, _share(tables, surface, DIFFUSE_ROUGHNESS), metal, bend, ops.clip(gleam, 0.0, 1.0), step_of(ratio, gleam), tint,
         facets, coat, coat_step, coat_ratio, log, coat_facets, dark, fibres, _color(tables, surface, FUZZ_COLOR),
         _share(tables, surface, FUZZ_ROUGHNESS), materials.slabs.metal, materials.slabs.reflection,
-        _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)),
+        _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)), None,
+    )  # fmt: skip
+    return _with_passage(materials.slabs.passages, plain, tables, surface)
+
+
+@helper
+def _passing(passages: Passages, plain: Slabs, tables: Tables, surface: Surface) -> Slabs:
+    """The slabs with what passes them. Inside of a solid they have neither coat nor fuzz, and all light of a body leaves it."""
+    thin = number_of(tables, surface, THIN_WALLED) > 0.0
+    clear, spread = _share(tables, surface, TRANSMISSION_WEIGHT), _share(tables, surface, SUBSURFACE_WEIGHT)
+    inside = plain.here & ops.not_(thin | surface.front) & (clear + spread > 0.0)
+    leaves = inside & (clear <= 0.0)
+    zero, one = 0.0 * clear, 0.0 * clear + 1.0
+    white, shown = (one, one, one), ops.not_(leaves)
+    bent = (1.0 + plain.step) / (1.0 - plain.step)
+    ratio = ops.where(leaves, one, ops.where(inside, 1.0 / bent, bent))
+    turned, sheet = number_of(tables, surface, PHASE), _color(tables, surface, SUBSURFACE_COLOR)
+    wall = ops.mul(sheet, ops.where3(thin, white, (zero, zero, zero)))
+    color = ops.lerp3(plain.color, ops.scale(wall, 0.5 * (1.0 - turned)), ops.where(thin, spread, zero))
+    opaque = ops.where(leaves, zero, (1.0 - clear) * ops.where(thin, one, 1.0 - spread))
+    diffuse = ops.where(leaves, one, (1.0 - clear) * spread)
+    passage = Passage(
+        ops.where(leaves, zero, clear), diffuse, opaque, _color(tables, surface, TRANSMISSION_COLOR),
+        ops.where3(thin, ops.scale(wall, 0.5 * (1.0 + turned)), white), thin | (ops.absolute(ratio - 1.0) < SAME), inside, ratio,
+    )  # fmt: skip
+    return _replaced(
+        plain, color, ops.where(leaves, zero, plain.metal), ops.where3(shown, plain.tint, (zero, zero, zero)),
+        ops.where(inside, zero, plain.coat), ops.where3(inside, white, plain.dark), ops.where(inside, zero, plain.fuzz),
+        _film_of(plain.film, None, inside), passage,
     )  # fmt: skip
 
 
 @helper
-def _film_at(films: Films, plain: Any, tables: Tables, surface: Surface, color: Vec, over: Lane) -> slabs.Film:
+def _film_outside(film: slab_film.Film, plain: Any, inside: Lane) -> slab_film.Film:
+    return slab_film.Film(ops.where(inside, 0.0, film.weight), film.thickness, film.ratio, film.f0)
+
+
+_film_of = specialize_if_present(_film_outside)  # film, None, inside of a solid: the film, there without a weight
+_replaced = make_replace(Slabs, "color", "metal", "tint", "coat", "dark", "fuzz", "film", "passage")
+_with_passage = specialize_if_present(_passing)
+
+
+@helper
+def _film_at(films: Films, plain: Any, tables: Tables, surface: Surface, color: Vec, over: Lane) -> slab_film.Film:
     ratio = ops.maximum(number_of(tables, surface, FILM_IOR) / over, 1.0)
     root = ops.sqrt(ops.minimum(color[0], 0.98)), ops.sqrt(ops.minimum(color[1], 0.98)), ops.sqrt(ops.minimum(color[2], 0.98))
-    return slabs.Film(_share(tables, surface, FILM), ops.maximum(number_of(tables, surface, FILM_THICKNESS), 0.0), ratio, root)
+    return slab_film.Film(_share(tables, surface, FILM), ops.maximum(number_of(tables, surface, FILM_THICKNESS), 0.0), ratio, root)
 
 
 _film = specialize_if_present(_film_at)  # films, None, tables, surface, the metal's colour, the index over the film: Film or None
@@ -206,8 +260,8 @@ def _matt_share(part: Slabs, plain: Vec, normal: Vec, to_light: Vec, to_viewer: 
 
 @helper
 def _draw(part: Slabs, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
-    drawn = slabs.draw(part, normal, to_viewer, u, v, ops.clip(which, 0.0, 1.0), ops.bool_like(u, True))
-    return ops.where3(part.here, drawn, plain[0]), plain[1] | part.here
+    direction, counts = slabs.draw(part, normal, to_viewer, u, v, ops.clip(which, 0.0, 1.0), ops.bool_like(u, True))
+    return ops.where3(part.here, direction, plain[0]), ops.where(part.here, counts, plain[1])
 
 
 @helper
@@ -215,11 +269,11 @@ def _sample(
     part: Slabs, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, all_: bool
 ) -> tuple[Vec, Vec]:
     every = ops.bool_like(u, all_)
-    direction = slabs.draw(part, normal, to_viewer, u, v, which, every)
+    direction, counts = slabs.draw(part, normal, to_viewer, u, v, which, every)
     values = slabs.evaluate(part, normal, direction, to_viewer)
     density = ops.where(every, values.density, values.shine_density)
     share = ops.where3(every, ops.add(values.matt, values.shine), values.shine)
-    factor = ops.where(density > 0.0, 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
+    factor = ops.where(counts & (density > 0.0), 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
     return ops.where3(part.here, direction, plain[0]), ops.where3(part.here, ops.scale(share, factor), plain[1])
 
 
@@ -230,8 +284,7 @@ def _one(part: Slabs, plain: Lane) -> Lane:
 
 @helper
 def _diffuse_part(part: Slabs, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
-    cosine = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
-    chance = slabs.chances(part, slabs.seen_from(part, normal, to_viewer), cosine)
+    chance = slabs.chances(part, normal, to_viewer)[0]
     among = chance.matt / ops.maximum(slabs.total(chance), LEAST)
     return ops.where3(part.here, ops.scale(part.color, 0.9 * (1.0 - part.metal)), plain[0]), ops.where(part.here, among, plain[1])
 
@@ -244,7 +297,54 @@ def _or_slabs(part: Slabs, plain: Lane) -> Lane:
 @helper
 def _matt(part: Slabs) -> Lane:
     """Whether it has a diffuse lobe or fuzz."""
-    return ((part.metal < 1.0) & (ops.largest(part.color) > 0.0)) | (part.fuzz > 0.0)
+    return _or_diffuse(part.passage, (part.metal < 1.0) & (ops.largest(part.color) > 0.0)) | (part.fuzz > 0.0)
+
+
+@helper
+def _is_diffuse(passage: Passage, plain: Lane) -> Lane:
+    return (plain & (passage.opaque > 0.0)) | (passage.diffuse > 0.0)
+
+
+_or_diffuse = specialize_if_present(_is_diffuse)  # passage, whether the base is diffuse
+
+
+@helper
+def _scatters_through(part: Slabs, plain: Lane) -> Lane:
+    return _or_passes(part.passage, plain, part.here)
+
+
+@helper
+def _passes(passage: Passage, plain: Lane, here: Lane) -> Lane:
+    return plain | (here & (passage.share + passage.diffuse > 0.0))
+
+
+_or_passes = specialize_if_present(_passes)
+
+
+@helper
+def _refracts(part: Slabs, plain: Lane) -> Lane:
+    return _or_refracts(part.passage, plain, part.here)
+
+
+@helper
+def _bends(passage: Passage, plain: Lane, here: Lane) -> Lane:
+    return plain | (here & (passage.share > 0.0) & ops.not_(passage.straight))
+
+
+_or_refracts = specialize_if_present(_bends)
+
+
+@helper
+def _eta(part: Slabs, plain: Lane) -> Lane:
+    return _eta_of(part.passage, plain, part.here)
+
+
+@helper
+def _index_of(passage: Passage, plain: Lane, here: Lane) -> Lane:
+    return ops.where(here & ops.not_(passage.straight), 1.0 / passage.ratio, plain)
+
+
+_eta_of = specialize_if_present(_index_of)
 
 
 @helper
@@ -302,4 +402,7 @@ or_matt = _if_active(_or_matt)  # `plain`, or whether it has a diffuse lobe
 or_polished = _if_active(_or_polished)  # `plain`, or whether all its lobes are narrow: greatest α
 bright = _if_active(_bright)  # whether it is diffuse under a bright, narrow highlight
 narrow_over_base = _if_active(_narrow_over_base)  # whether it is diffuse under a narrow highlight
+or_through = _if_active(_scatters_through)  # `plain`, or whether it scatters light to its other side
+or_refracts = _if_active(_refracts)  # `plain`, or whether it refracts
+eta = _if_active(_eta)  # index of this side over the other's
 glossy = _if_active(_glossy)  # whether its highlight shows surroundings

@@ -18,8 +18,20 @@ from typing import Any, NamedTuple
 from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
-from . import anisotropic_facets, dielectric_albedo, energy_compensation, fuzz, microfacet, oren_nayar, thin_film
+from . import (
+    anisotropic_facets,
+    dielectric_albedo,
+    energy_compensation,
+    further_bounces,
+    fuzz,
+    microfacet,
+    oren_nayar,
+    rough_dielectric,
+    slab_film,
+    slab_passage,
+)  # fmt: skip
 from .anisotropic_facets import Facets
+from .slab_passage import Passage
 
 LEAST = 1e-7
 UNEVEN = 0.28, 0.03  # greatest gain by round facets in place of lines: of further bounces of a metal, of what passes a dielectric
@@ -50,15 +62,7 @@ class Slabs(NamedTuple):
     table: energy_compensation.Albedo
     reflection: dielectric_albedo.Reflection
     film: Any = None  # Film; None in scenes without
-
-
-class Film(NamedTuple):
-    """A thin film between the coat and the base."""
-
-    weight: Lane
-    thickness: Lane  # micrometres
-    ratio: Lane  # index of refraction relative to what lies over it
-    f0: Vec  # √ of the metal's reflectance at normal incidence, below 1
+    passage: Any = None  # slab_passage.Passage; None in scenes without
 
 
 class Seen(NamedTuple):
@@ -79,8 +83,10 @@ class Chances(NamedTuple):
     coat: Lane
     highlight: Lane
     again: Lane
+    through: Lane  # refracted, or straight through a thin wall
     fuzz: Lane
     matt: Lane
+    body: Lane  # diffusely to the other side
 
 
 class Values(NamedTuple):
@@ -93,11 +99,12 @@ class Values(NamedTuple):
 
 
 @helper
-def seen_from(slabs: Slabs, normal: Vec, direction: Vec) -> Seen:
-    """What the slabs do with light of a direction; below the surface, as of a grazing one."""
+def seen_from(slabs: Slabs, normal: Vec, direction: Vec, far: Lane) -> Seen:
+    """What the slabs do with light of a direction above the surface. `far`: it is the mirror image of one on the other side."""
     cosine = ops.clip(ops.dot(normal, direction), LEAST, 1.0)
     zero, alpha = 0.0 * cosine, anisotropic_facets.alpha_seen(slabs.facets, normal, direction)
     base = dielectric_albedo.directional(slabs.reflection, cosine, alpha, slabs.step)
+    base = _within(slabs.passage, base, cosine, far)
     coat, path, lost, again, bright = zero, zero + 1.0, zero, zero, (zero, zero, zero)
     if ops.any_lane(slabs.coat > 0.0):
         over = anisotropic_facets.alpha_seen(slabs.coat_facets, normal, direction)
@@ -109,7 +116,32 @@ def seen_from(slabs: Slabs, normal: Vec, direction: Vec) -> Seen:
         lost, again = 1.0 - e, energy_compensation.further_bounces(slabs.table, cosine, alpha)
         f0 = slabs.color
         bright = f0[0] * (e - b) + b, f0[1] * (e - b) + b, f0[2] * (e - b) + b
-    return Seen(base, coat, path, lost, again, bright, _film_passes(slabs.film, None, slabs, cosine, alpha, base))
+    return Seen(base, coat, path, lost, again, bright, slab_film.lets_through(slabs.film, None, slabs, cosine, alpha, base))
+
+
+@helper
+def _from_inside(passage: Passage, base: Lane, cosine: Lane, far: Lane) -> Lane:
+    """The reflectance of a dielectric, for light inside of a solid by its own index."""
+    return ops.where(passage.inside != far, rough_dielectric.reflectance(cosine, passage.ratio), base)
+
+
+_within = specialize_if_present(_from_inside)  # passage, the reflectance from outside, cosine, far
+
+
+@helper
+def _rest_of(passage: Passage, plain: Lane) -> Lane:
+    return passage.opaque
+
+
+_opaque = specialize_if_present(_rest_of)  # passage, 1: share of the diffuse lobe in what the boundary lets through
+
+
+@helper
+def _above(passage: Passage, to_light: Vec, normal: Vec) -> Vec:
+    return slab_passage.mirrored(normal, to_light)
+
+
+_image = specialize_if_present(_above)  # passage, a direction, normal: it, or where it is below the surface its mirror image
 
 
 @helper
@@ -118,9 +150,9 @@ def _absorbed(slabs: Slabs, path: Lane) -> Vec:
     zero = 0.0 * path
     if ops.not_(ops.any_lane(slabs.coat > 0.0)):
         return (zero + 1.0, zero + 1.0, zero + 1.0)
-    log, dark = slabs.coat_log, slabs.dark
+    log = slabs.coat_log
     passed = ops.exp(log[0] * path), ops.exp(log[1] * path), ops.exp(log[2] * path)
-    return ops.mul(dark, ops.lerp3((zero + 1.0, zero + 1.0, zero + 1.0), passed, slabs.coat))
+    return ops.lerp3((zero + 1.0, zero + 1.0, zero + 1.0), passed, slabs.coat)
 
 
 @helper
@@ -131,7 +163,16 @@ def _opening(slabs: Slabs) -> Lane:
     if ops.any_lane(slabs.coat > 0.0):
         coat, coat_deviation = dielectric_albedo.means(slabs.reflection, slabs.coat_facets.alpha, slabs.coat_step)
         open_ = open_ * (1.0 - slabs.coat * coat) + slabs.coat * deviation * coat_deviation  # both are correlated
+    open_ = _open_inside(slabs.passage, open_)
     return ops.maximum(open_ * (1.0 + UNEVEN[1] * _unevenness(slabs.facets)), LEAST)
+
+
+@helper
+def _open_from_inside(passage: Passage, open_: Lane) -> Lane:
+    return ops.where(passage.inside, open_ * passage.ratio * passage.ratio, open_)
+
+
+_open_inside = specialize_if_present(_open_from_inside)  # passage, the mean of what passes from outside: from this side
 
 
 @helper
@@ -142,17 +183,16 @@ def _unevenness(facets: Facets) -> Lane:
 
 
 @helper
-def _bounced(slabs: Slabs) -> Vec:
-    """Of a metal, the share of the lost energy that further bounces return."""
-    leaves, f0, bend = energy_compensation.escape(slabs.facets.alpha), slabs.color, slabs.bend
-    rest = 1.0 - UNEVEN[0] * _unevenness(slabs.facets)
-    return rest * _again(f0[0], bend[0], leaves), rest * _again(f0[1], bend[1], leaves), rest * _again(f0[2], bend[2], leaves)
-
-
-@helper
-def _again(f0: Lane, bend: Lane, leaves: Lane) -> Lane:
-    mean = ops.clip(f0 + (1.0 - f0) * (1.0 / 21.0) - bend * (1.0 / 126.0), 0.0, 1.0)
-    return mean * mean * leaves / (1.0 - mean * (1.0 - leaves))
+def _further(slabs: Slabs, cosines: tuple[Lane, Lane], facing: Lane, wide: Lane) -> Vec:
+    """π f cos of further bounces in a metal, from that of the wide lobe of reflectance h h; see microfacet."""
+    alpha, zero = slabs.facets.alpha, 0.0 * wide
+    out, into = energy_compensation.column_of(cosines[0], alpha), energy_compensation.column_of(cosines[1], alpha)
+    spread = energy_compensation.spread_alpha(alpha)
+    up = ops.minimum(facing * facing, 1.0)
+    y = spread * spread * up / (1.0 - up + spread * spread * up)
+    factor, s, v, c = further_bounces.pair(slabs.table.pairs, out, into, alpha, y)
+    color = further_bounces.colour(slabs.color, zero + 1.0, slabs.bend, alpha, s, v, c)
+    return ops.scale(color, wide * factor * (1.0 - UNEVEN[0] * _unevenness(slabs.facets)))
 
 
 @helper
@@ -169,99 +209,63 @@ def metal_reflectance(slabs: Slabs, cosine: Lane) -> Vec:
 
 
 @helper
+def _dielectric_reflectance(slabs: Slabs, cosine: Lane) -> Lane:
+    return _within(slabs.passage, dielectric_albedo.reflectance(cosine, slabs.step), cosine, ops.bool_like(cosine, False))
+
+
+@helper
 def _base_reflectance(slabs: Slabs, cosine: Lane) -> Vec:
     """Fresnel's reflectance of the base's facets."""
-    plain = (1.0 - slabs.metal) * dielectric_albedo.reflectance(cosine, slabs.step)
+    plain = (1.0 - slabs.metal) * _dielectric_reflectance(slabs, cosine)
     metal, share, tint = metal_reflectance(slabs, cosine), slabs.metal * slabs.gleam, slabs.tint
     bare = share * metal[0] + plain * tint[0], share * metal[1] + plain * tint[1], share * metal[2] + plain * tint[2]
-    return _under_film(slabs.film, bare, slabs, cosine, metal)
+    return slab_film.reflected(slabs.film, bare, slabs, cosine, metal)
 
 
 @helper
-def _filmed(film: Film, bare: Vec, slabs: Slabs, cosine: Lane, metal: Vec) -> Vec:
-    """The reflectance of the base's facets with a film of a weight."""
-    plain = _film_over_dielectric(film, slabs, cosine)
-    glossy, f0 = thin_film.reflectance(cosine, film.ratio, film.thickness, _indices(film.f0)), slabs.color
-    fifth = ops.power(ops.maximum(1.0 - cosine, 0.0), 5.0)
-    share, tint = slabs.metal * slabs.gleam, slabs.tint
-    both = (
-        share * glossy[0] * _edge(metal[0], f0[0], fifth) + (1.0 - slabs.metal) * plain[0] * tint[0],
-        share * glossy[1] * _edge(metal[1], f0[1], fifth) + (1.0 - slabs.metal) * plain[1] * tint[1],
-        share * glossy[2] * _edge(metal[2], f0[2], fifth) + (1.0 - slabs.metal) * plain[2] * tint[2],
-    )  # fmt: skip
-    return ops.lerp3(bare, both, film.weight)
+def _mean_passing(passes: Vec, base: Lane) -> Lane:
+    return ops.minimum(ops.mean3(passes) * base, 1.0)
+
+
+_passing = specialize_if_present(_mean_passing)  # Seen.passes, 1 − R: what the boundary lets through, with a film
 
 
 @helper
-def _edge(metal: Lane, f0: Lane, fifth: Lane) -> Lane:
-    """What the tint of a metal leaves of Schlick's reflectance."""
-    return ops.minimum(metal / ops.maximum(f0 + (1.0 - f0) * fifth, 1e-4), 1.0)
+def _passage_chances(passage: Passage, plain: tuple[Lane, Lane], below: Lane) -> tuple[Lane, Lane]:
+    return below * passage.share * ops.mean3(passage.tint), below * passage.diffuse * ops.mean3(passage.diffuse_tint)
+
+
+_passing_chances = specialize_if_present(_passage_chances)  # passage, zeros, what gets past the boundary: (through, body)
 
 
 @helper
-def _indices(root: Vec) -> Vec:
-    """The real index of refraction with a reflectance of root² at normal incidence."""
-    return (1.0 + root[0]) / (1.0 - root[0]), (1.0 + root[1]) / (1.0 - root[1]), (1.0 + root[2]) / (1.0 - root[2])
-
-
-@helper
-def _film_over_dielectric(film: Film, slabs: Slabs, cosine: Lane) -> Vec:
-    return thin_film.reflectance(cosine, film.ratio, film.thickness, _indices((slabs.step, slabs.step, slabs.step)))
-
-
-@helper
-def _film_lets_through(film: Film, plain: Any, slabs: Slabs, cosine: Lane, alpha: Lane, base: Lane) -> Vec:
-    """What passes a film of rough facets to a diffuse base, over 1 − R: the film's reflectance at a middle angle scales R."""
-    middle = cosine + 0.5 * alpha * (1.0 - cosine)
-    bare = ops.maximum(dielectric_albedo.reflectance(middle, slabs.step), 1e-3)
-    tinted = _film_over_dielectric(film, slabs, middle)
-    scale, over = ops.maximum(base, 1e-3) / bare, 1.0 / ops.maximum(1.0 - base, LEAST)
-    return (
-        _let_through(tinted[0] * scale, base, over, film.weight), _let_through(tinted[1] * scale, base, over, film.weight),
-        _let_through(tinted[2] * scale, base, over, film.weight),
-    )  # fmt: skip
-
-
-@helper
-def _let_through(reflected: Lane, base: Lane, over: Lane, weight: Lane) -> Lane:
-    return ops.maximum(1.0 - ops.lerp(base, reflected, weight), 0.0) * over
-
-
-_under_film = specialize_if_present(_filmed)  # film, the reflectance without it, slabs, cosine, the metal's reflectance
-_film_passes = specialize_if_present(_film_lets_through)  # film, None, slabs, cosine, α, R: `Seen.passes`
-
-
-@helper
-def _least_of(passes: Vec, light: Vec, other: Vec) -> Vec:
-    least = ops.minimum(passes[0], other[0]), ops.minimum(passes[1], other[1]), ops.minimum(passes[2], other[2])
-    return ops.mul(light, least)
-
-
-_past_film = specialize_if_present(_least_of)  # what passes by one direction, light below, what passes by the other
-
-@helper
-def chances(slabs: Slabs, out: Seen, cosine: Lane) -> Chances:
-    """The probabilities by which lobes are sampled for a viewer."""
+def chances(slabs: Slabs, normal: Vec, to_viewer: Vec) -> tuple[Chances, Seen]:
+    """(the probabilities by which lobes are sampled for a viewer, what the slabs do with light from it)."""
+    cosine = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
+    out = seen_from(slabs, normal, to_viewer, ops.bool_like(cosine, False))
     fibres = slabs.fuzz * fuzz.albedo(cosine, slabs.fuzz_roughness)
     under = 1.0 - fibres
-    below = under * (1.0 - out.coat) * ops.mean3(_absorbed(slabs, 2.0 * out.path))
+    below = under * (1.0 - out.coat) * ops.mean3(ops.mul(slabs.dark, _absorbed(slabs, 2.0 * out.path)))
     share = slabs.metal * slabs.gleam
-    shine = share * ops.mean3(out.bright) + (1.0 - slabs.metal) * out.base * ops.mean3(slabs.tint)
-    matt = (1.0 - slabs.metal) * (1.0 - out.base) * ops.mean3(slabs.color)
-    again = share * out.lost * ops.mean3(slabs.color)
-    return Chances(under * out.coat, below * shine, below * again, fibres * ops.mean3(slabs.fuzz_color), below * matt)
+    passes = _passing(out.passes, 1.0 - out.base)
+    shine = share * ops.mean3(out.bright) + (1.0 - slabs.metal) * (1.0 - passes) * ops.mean3(slabs.tint)
+    past = below * (1.0 - slabs.metal) * passes
+    matt, again = _opaque(slabs.passage, 0.0 * cosine + 1.0) * past * ops.mean3(slabs.color), share * out.lost * ops.mean3(slabs.color)
+    through, body = _passing_chances(slabs.passage, (0.0 * cosine, 0.0 * cosine), past)
+    fuzzy = fibres * ops.mean3(slabs.fuzz_color)
+    return Chances(under * out.coat, below * shine, below * again, through, fuzzy, matt, body), out
 
 
 @helper
 def shine_total(chance: Chances) -> Lane:
     """The sum of the chances of the highlights."""
-    return chance.coat + chance.highlight + chance.again
+    return chance.coat + chance.highlight + chance.again + chance.through
 
 
 @helper
 def total(chance: Chances) -> Lane:
     """The sum of all chances."""
-    return chance.coat + chance.highlight + chance.again + chance.fuzz + chance.matt
+    return shine_total(chance) + chance.fuzz + chance.matt + chance.body
 
 
 @noinline_helper
@@ -271,12 +275,12 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
     lit = cos_in > 0.0
     cos_in, zero = ops.clip(cos_in, LEAST, 1.0), 0.0 * cos_in
     cos_lit = ops.where(lit, cos_in, zero)
-    out, into = seen_from(slabs, normal, to_viewer), seen_from(slabs, normal, to_light)
-    chance = chances(slabs, out, cos_out)
+    chance, out = chances(slabs, normal, to_viewer)
+    into = seen_from(slabs, normal, _image(slabs.passage, to_light, normal), ops.not_(lit))
     half = ops.normalize(ops.add(to_light, to_viewer))
     along = ops.clip(ops.dot(half, to_viewer), 0.0, 1.0)
     under = 1.0 - slabs.fuzz * fuzz.albedo(cos_out, slabs.fuzz_roughness)
-    below = ops.scale(_absorbed(slabs, out.path + into.path), under)
+    below = ops.scale(ops.mul(slabs.dark, _absorbed(slabs, out.path + into.path)), under)
     least = 1.0 - ops.maximum(out.coat, into.coat)
 
     strength, reach_out, seen = _facets_seen(slabs.facets, normal, half, to_light, to_viewer, (cos_out, cos_in))
@@ -287,7 +291,8 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
         wide = energy_compensation.spread_alpha(slabs.facets.alpha)
         spread = ops.where(lit, microfacet.ggx_distribution(half, normal, wide), zero)
         more = math.pi * cos_in * spread * microfacet.smith_visibility(cos_out, cos_in, wide) * out.again * into.again
-        shine = ops.add(shine, ops.scale(_bounced(slabs), more * least * slabs.metal * slabs.gleam))
+        again = _further(slabs, (cos_out, cos_in), ops.dot(half, normal), more * least * slabs.metal * slabs.gleam)
+        shine = ops.add(shine, again)
         glossy = glossy + chance.again * spread * 0.5 / (cos_out + ops.sqrt(wide * wide + (1.0 - wide * wide) * cos_out * cos_out))
     shine = ops.mul(shine, below)
     if ops.any_lane(slabs.coat > 0.0):
@@ -299,8 +304,11 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
 
     passed = (1.0 - slabs.metal) * (1.0 - out.base) * (1.0 - into.base) * (1.0 - out.coat) * (1.0 - into.coat) / _opening(slabs)
     matt = oren_nayar.value(slabs.color, slabs.diffuse_roughness, cos_in, cos_out, ops.dot(to_light, to_viewer))
-    matt = _past_film(out.passes, ops.mul(ops.scale(matt, passed * cos_lit), below), into.passes)
-    density = glossy + chance.matt * cos_lit * (1.0 / math.pi)
+    matt = slab_film.past(out.passes, ops.mul(ops.scale(matt, passed * cos_lit), below), into.passes)
+    matt = ops.scale(matt, _opaque(slabs.passage, zero + 1.0))
+    directions = normal, to_light, to_viewer
+    shine, matt, glossy, body = _passed(slabs.passage, (shine, matt, glossy, zero), slabs, directions, (out, into), chance, under)
+    density = glossy + body + chance.matt * cos_lit * (1.0 / math.pi)
     if ops.any_lane(slabs.fuzz > 0.0):
         spread = fuzz.density(slabs.fuzz_roughness, normal, to_light, to_viewer)
         matt = ops.add(matt, ops.scale(slabs.fuzz_color, (1.0 - under) * math.pi * spread))
@@ -308,6 +316,31 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
     return Values(
         matt, shine, density / ops.maximum(total(chance), LEAST), glossy / ops.maximum(shine_total(chance), LEAST)
     )  # fmt: skip
+
+
+@helper
+def _other_side(
+    passage: Passage, plain: tuple[Vec, Vec, Lane, Lane], slabs: Slabs, directions: Any, seen: tuple[Seen, Seen], chance: Chances,
+    under: Lane,
+) -> tuple[Vec, Vec, Lane, Lane]:  # fmt: skip
+    """(highlights with refracted light, diffuse lobes with light that passes diffusely, density of highlights, of the latter)."""
+    normal, to_light, to_viewer = directions
+    out, into = seen
+    shine, matt, glossy, _ = plain
+    zero = 0.0 * glossy
+    below = ops.scale(_absorbed(slabs, out.path), under * (1.0 - slabs.metal) * (1.0 - out.coat))
+    value, density = slab_passage.refraction(passage, slabs.facets, normal, to_light, to_viewer)
+    facing = ops.clip(ops.dot(slab_passage.facing_normal(passage, normal, to_light, to_viewer), to_viewer), 0.0, 1.0)
+    rest = 1.0 - _dielectric_reflectance(slabs, facing)
+    color = slab_film.rest(slabs.film, (rest, rest, rest), slabs, facing)
+    shine = ops.add(shine, ops.mul(ops.scale(ops.mul(color, passage.tint), passage.share * value), below))
+    cosine = ops.maximum(-ops.dot(normal, to_light), 0.0)
+    gets = ops.where(passage.inside, (1.0 - into.base) / _opening(slabs), 1.0 - out.base)
+    body = slab_film.past(out.passes, ops.mul(ops.scale(passage.diffuse_tint, passage.diffuse * gets * cosine), below), out.passes)
+    return shine, ops.add(matt, body), glossy + chance.through * density, chance.body * cosine * (1.0 / math.pi) + zero
+
+
+_passed = specialize_if_present(_other_side)  # see there
 
 
 @helper
@@ -320,25 +353,36 @@ def _facets_seen(facets: Facets, normal: Vec, half: Vec, to_light: Vec, to_viewe
 
 
 @noinline_helper
-def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, all_: Lane) -> Vec:
-    """A direction of a lobe that `which`, 0 to 1, chooses: among all lobes, or where not `all_`, among the highlights."""
-    cosine = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
-    chance = chances(slabs, seen_from(slabs, normal, to_viewer), cosine)
+def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, all_: Lane) -> tuple[Vec, Lane]:
+    """(direction, whether it counts) of a lobe that `which`, 0 to 1, chooses: among all, or where not `all_`, among the highlights."""
+    chance = chances(slabs, normal, to_viewer)[0]
     number = which * ops.where(all_, total(chance), shine_total(chance))
     on_coat, further, past = number < chance.coat, number - chance.coat >= chance.highlight, number - shine_total(chance)
     wide = energy_compensation.spread_alpha(slabs.facets.alpha)
     base, coat = slabs.facets, slabs.coat_facets
-    round_ = further & ops.not_(on_coat)
+    passing = number - chance.coat >= chance.highlight + chance.again
+    round_ = further & ops.not_(on_coat | passing)
     chosen = Facets(
         ops.where3(on_coat, coat.along, base.along), ops.where3(on_coat, coat.across, base.across),
         ops.where(round_, wide, ops.where(on_coat, coat.first, base.first)),
         ops.where(round_, wide, ops.where(on_coat, coat.second, base.second)), wide,
     )  # fmt: skip
     half = anisotropic_facets.sample_visible_normal(chosen, normal, to_viewer, u, v)
-    direction = ops.reflect(ops.negate(to_viewer), half)
+    direction = _through(slabs.passage, ops.reflect(ops.negate(to_viewer), half), passing, normal, half, to_viewer)
+    sinks = (past >= chance.fuzz + chance.matt) & (chance.body > 0.0)
     s, t = ops.basis(normal)
     flat, turn, height = ops.sqrt(ops.clip(u, 0.0, 1.0)), (2.0 * math.pi) * v, ops.sqrt(ops.maximum(1.0 - u, 0.0))
-    matt = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), height)
+    matt = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), ops.where(sinks, -height, height))
     if ops.any_lane(slabs.fuzz > 0.0):
         matt = ops.where3(past < chance.fuzz, fuzz.sample(slabs.fuzz_roughness, normal, to_viewer, u, v), matt)
-    return ops.where3(past >= 0.0, matt, direction)
+    direction = ops.where3(past >= 0.0, matt, direction)
+    meant = sinks | (passing & (past < 0.0))
+    return direction, (ops.dot(direction, normal) < 0.0) == meant
+
+
+@helper
+def _refracted(passage: Passage, direction: Vec, passing: Lane, normal: Vec, half: Vec, to_viewer: Vec) -> Vec:
+    return ops.where3(passing, slab_passage.refract(passage, normal, half, to_viewer), direction)
+
+
+_through = specialize_if_present(_refracted)  # passage, the reflected direction, whether it passes, normal, facet, viewer

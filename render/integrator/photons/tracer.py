@@ -24,7 +24,7 @@ from ...jit.packed_struct import Handle
 from ...lanes import crosslane, ops
 from ...lanes.soa import PAD, ROW, SIZE, compress_store, compress_store3, load3
 from ...light import lights
-from ...material import bsdf, dispersion, medium_stack, rough_dielectric
+from ...material import bsdf, dispersion, medium_stack
 from ...material.bsdf import Scattered
 from ...material.shader import ONLY, Shader, evaluate_shader_filtered
 from ...medium.tracking import Key
@@ -276,7 +276,7 @@ def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -
     inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
     near = load_near(table, None, memory, at)
     body = load_body(medium_stack.initial_body(tables, zero), None, memory.body, source * 4 * ROW + i, depth)
-    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near, body, None), number, index
+    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near, body, None, None), number, index
 
 
 @helper
@@ -340,7 +340,7 @@ def _scatter(
     body = medium_stack.enter_body(path.body, None, tables, point, inside, to)
     origin = interaction.offset_origin(point, to)
     near = flights.at_start(event, None, path.density)
-    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, body, None), going
+    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, body, None, None), going
 
 
 def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:
@@ -401,8 +401,8 @@ def _adjoint(point: Surface, shader: Shader, arriving: Vec, leaving: Vec, sharp:
     Radiance here is not scaled by the square of the index; so photons that enter a medium are, and lose the factor on leaving it.
     """
     passes = ops.dot(arriving, point.geometric) * ops.dot(leaving, point.geometric) > 0.0
-    through = bsdf.is_rough_glass(shader, sharp) & passes
-    eta = rough_dielectric.eta(shader.frost, ops.where(point.front, 1.0 / shader.ior, shader.ior))
+    through = bsdf.refracts(shader, sharp) & passes
+    eta = bsdf.relative_index(shader, ops.where(point.front, 1.0 / shader.ior, shader.ior))
     eta = ops.where(through, eta, 1.0)
     return eta * eta * _shading_normal_factor(point, arriving, leaving)
 

@@ -24,13 +24,14 @@ def given(**arguments):
     """A row by the names of the element's arguments: numbers, greys or colours."""
     inputs = {}
     for name, value in arguments.items():
-        inputs[_SLOTS[name]] = Input(value if isinstance(value, tuple) else (float(value),) * 3)
+        inputs[_SLOTS.get(name) or ir.Slot[name.upper()]] = Input(value if isinstance(value, tuple) else (float(value),) * 3)
     return element.data(inputs)
 
 
-def point_of(material):
-    """(Surface, Shader) of a plane of a material, seen from above."""
-    tables = principled.tables_for(make.scene([(ir.GeometryKind.PLANE, (), make.matrix(), 0)], materials=[material]))
+def point_of(material, inside=False):
+    """(Surface, Shader) of a plane of a material, seen from above; `inside`: a plane that is turned over."""
+    placed = make.matrix(linear=np.diag([1.0, -1.0, -1.0])) if inside else make.matrix()
+    tables = principled.tables_for(make.scene([(ir.GeometryKind.PLANE, (), placed, 0)], materials=[material]))
     ray = make.rays((0.3, 1, 0.2), (0, -1, 0))
     point = interaction.make_interaction(tables, ray, make.first_hit(tables, ray))
     return point, evaluate_shader(tables, point)
@@ -51,15 +52,15 @@ def numbers(n):
     return u, v, sobol.pair(pixel, sample, np.int64(2), 3)[0]
 
 
-def scattered(material, angle, n=90, turn=0.0, random=False):
+def scattered(material, angle, n=90, turn=0.0, random=False, inside=False):
     """BSDF samples to a viewer at an angle, and the shader."""
-    point, shader = point_of(material)
+    point, shader = point_of(material, inside)
     u, v, which = np.random.default_rng(1).random((3, n * n)) if random else numbers(n)
     wide = point._replace(**{k: lanes(getattr(point, k), u) for k in ("geometric", "normal")}, front=np.broadcast_to(point.front, u.shape))
     return bsdf.sample_bsdf(shader, USES, wide, lanes(towards(angle, turn), u), u, v, which), shader
 
 
-def energy(material, angle, n=120, turn=0.0):
+def energy(material, angle, n=120, turn=0.0, inside=False):
     """(share of white light that it sends to a viewer, standard error of as many independent samples)."""
-    weight = scattered(material, angle, n, turn)[0].weight[0]
+    weight = scattered(material, angle, n, turn, inside=inside)[0].weight[0]
     return float(np.mean(weight)), float(np.std(weight)) / n

@@ -204,3 +204,57 @@ def test_a_coat_darkens_what_it_covers():
 
 def test_other_scenes_have_no_slabs():
     assert point_of(MaterialData(ir.MaterialModel.LAMBERT, {ir.Slot.DIFFUSE: Input()}))[1].slabs is None
+
+
+PASSAGES = {
+    "glass": {"transmission_weight": 1},
+    "half glass": {"transmission_weight": 0.5, "base_color": 1},
+    "sheet": {"transmission_weight": 1, "thin_walled": 1},
+    "bubble": {"transmission_weight": 1, "thin_walled": 1, "specular_ior": 1, "thin_film_weight": 1, "thin_film_thickness": 0.3},
+    "body": {"subsurface_weight": 1},
+    "leaf": {"subsurface_weight": 0.7, "subsurface_color": 1, "thin_walled": 1, "base_color": 1},
+    "coated glass": {"transmission_weight": 1, "coat_weight": 1},
+}
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("name", PASSAGES)
+def test_what_light_passes_gains_none(name, inside):
+    """Polished, it loses at most 2 %, but inside of half glass; rough refraction has no light of further bounces."""
+    for roughness, least in ((0.0, 0.98), (0.2, 0.92), (0.5, 0.25), (1.0, 0.03)):
+        for angle in (0.3, 1.3):
+            share, error = energy(given(**PASSAGES[name], specular_roughness=roughness), angle, 50, 0.3, inside)
+            assert share <= 1.005 + 3 * error, (roughness, angle, share, error)
+            assert share >= (least if "half" not in name else 0.4 * least) - 3 * error, (roughness, angle, share, error)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("name", ["glass", "sheet", "leaf", "half glass"])
+def test_samples_that_pass_follow_the_density(name, inside):
+    angle, turn = 0.7, 0.8
+    arguments = {"specular_roughness": 0.6, "specular_roughness_anisotropy": 0.4}
+    sample, shader = scattered(given(**PASSAGES[name], **arguments), angle, 300, turn, random=True, inside=inside)
+    counted = sample.weight[0] > 0
+
+    def density(directions):
+        flat = [np.ravel(c) for c in np.broadcast_arrays(*directions)]
+        share, value = bsdf.eval_bsdf_pdf(shader, USES, lanes(UP, flat[0]), tuple(flat), lanes(towards(angle, turn), flat[0]))
+        return np.where(share[0] > 0, value, 0.0).reshape(np.broadcast(*directions).shape)
+
+    chi2(sample.direction, counted, density, fine=60)
+
+
+def test_polished_glass_refracts_by_snells_law():
+    sample, _ = scattered(given(transmission_weight=1, specular_roughness=0), 0.6, 20)
+    below = sample.direction[1] < 0
+    assert below.mean() > 0.9
+    sine = np.hypot(sample.direction[0], sample.direction[2])[below]
+    assert np.allclose(sine, math.sin(0.6) / 1.5, atol=0.01)
+
+
+def test_a_thin_wall_shows_what_lies_behind_it_in_place():
+    sample, _ = scattered(given(transmission_weight=1, specular_roughness=0, thin_walled=1), 0.6, 20)
+    below = sample.direction[1] < 0
+    straight = [-c for c in towards(0.6)]
+    assert below.mean() > 0.9
+    assert all(np.median(c[below]) == pytest.approx(s, abs=0.01) for c, s in zip(sample.direction, straight, strict=True))

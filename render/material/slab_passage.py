@@ -1,0 +1,96 @@
+"""Light that passes slabs: refracted by rough facets, straight through a thin wall, or diffusely into a body or through a wall.
+
+- Refraction: Walter et al. 2007, by visible normals of both roughnesses, with the height-correlated shadowing of rough_dielectric. Light
+  of further bounces is left out, so that rough glass is darker.
+- A thin wall has one boundary: what it does not reflect leaves mirrored about the wall, so that its roughness blurs what lies behind.
+- A body gets what its boundary lets through, 1 − R(μₒ), in all directions of the cosine. From inside, light leaves in proportion to
+  (1 − R(μᵢ)) over its mean, as in `body_coat`.
+
+Scenes without such materials compile nothing of it: the `passage` of their Slabs is None, which is a type.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..jit.kernel import helper
+from ..lanes import ops
+from ..types import Lane, Vec
+from . import anisotropic_facets, rough_dielectric
+from .anisotropic_facets import Facets
+
+LEAST = 1e-7
+SAME = 0.005  # a relative index nearer to 1 than this does not refract
+
+
+class Passage(NamedTuple):
+    """How light passes at a point, from the viewer's side."""
+
+    share: Lane  # of what the boundary lets through: refracted, or straight through a thin wall
+    diffuse: Lane  # likewise: into a body, or diffusely through a wall
+    opaque: Lane  # likewise: to the diffuse lobe
+    tint: Vec  # of refracted light
+    diffuse_tint: Vec
+    straight: Lane  # bool: a thin wall, or a boundary that does not refract
+    inside: Lane  # bool: the viewer is inside of a solid
+    ratio: Lane  # index of the other side over this side's
+
+
+@helper
+def mirrored(normal: Vec, to_light: Vec) -> Vec:
+    """A direction below the surface, mirrored above it; others as they are."""
+    below = ops.minimum(ops.dot(normal, to_light), 0.0)
+    return ops.sub(to_light, ops.scale(normal, 2.0 * below))
+
+
+@helper
+def refraction(passage: Passage, facets: Facets, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Lane, Lane]:
+    """(π f |cos| without Fresnel's factor, solid angle density of `sample`) of light from the other side."""
+    cos_out = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
+    cos_in = ops.clip(-ops.dot(normal, to_light), LEAST, 1.0)
+    below = ops.dot(normal, to_light) < 0.0
+    half = facing_normal(passage, normal, to_light, to_viewer)
+    out, into = ops.dot(half, to_viewer), ops.dot(half, to_light)
+    strength = anisotropic_facets.distribution(facets, anisotropic_facets.to_frame(facets, normal, half))
+    reach_out = anisotropic_facets.reach(facets, anisotropic_facets.to_frame(facets, normal, to_viewer))
+    reach_in = anisotropic_facets.reach(facets, anisotropic_facets.to_frame(facets, normal, to_light))
+    size = out + passage.ratio * into
+    squeezed = passage.ratio * passage.ratio * ops.absolute(into) / ops.maximum(size * size, 1e-20)
+    bent = ops.where(below & (out > 0.0) & (into < 0.0), strength, 0.0)
+    density = 2.0 * bent / (cos_out + reach_out) * ops.absolute(out) * squeezed
+    masked = rough_dielectric.shadowing_across(_height(reach_out, cos_out), _height(reach_in, cos_in))
+    flat = ops.where(below & (ops.dot(half, normal) > 0.0), strength, 0.0)
+    seen = anisotropic_facets.visibility(cos_out, cos_in, reach_out, reach_in)
+    return (
+        ops.where(passage.straight, math.pi * cos_in * flat * seen, math.pi * density * masked),
+        ops.where(passage.straight, 0.5 * flat / (cos_out + reach_out), density),
+    )  # fmt: skip
+
+
+@helper
+def facing_normal(passage: Passage, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+    """The facet's normal that sends light from the other side to the viewer."""
+    bent = ops.normalize(ops.add(to_viewer, ops.scale(to_light, passage.ratio)))
+    bent = ops.scale(bent, ops.sign_of(ops.dot(bent, normal)))
+    flat = ops.normalize(ops.add(to_viewer, mirrored(normal, to_light)))
+    return ops.where3(passage.straight, flat, bent)
+
+
+@helper
+def _height(reach: Lane, cosine: Lane) -> Lane:
+    """Smith's Λ."""
+    return ops.clip(0.5 * (reach / cosine - 1.0), 0.0, rough_dielectric.STEEPEST)
+
+
+@helper
+def refract(passage: Passage, normal: Vec, half: Vec, to_viewer: Vec) -> Vec:
+    """The direction of light that a facet sends to the viewer from the other side; where it cannot, one of this side."""
+    out = ops.clip(ops.dot(half, to_viewer), LEAST, 1.0)
+    eta = 1.0 / passage.ratio
+    square = 1.0 - eta * eta * (1.0 - out * out)
+    bent = ops.add(ops.scale(to_viewer, -eta), ops.scale(half, eta * out - ops.sqrt(ops.maximum(square, 0.0))))
+    bounced = ops.reflect(ops.negate(to_viewer), half)
+    straight = ops.sub(bounced, ops.scale(normal, 2.0 * ops.dot(bounced, normal)))
+    straight = ops.where3(ops.dot(bounced, normal) > 0.0, straight, normal)
+    return ops.where3(passage.straight, straight, ops.where3(square > 0.0, ops.normalize(bent), normal))

@@ -276,7 +276,8 @@ def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -
     inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
     near = load_near(table, None, memory, at)
     body = load_body(medium_stack.initial_body(tables, zero), None, memory.body, source * 4 * ROW + i, depth)
-    return PathState(start, direction, power, zero, ops.bool_like(zero, False), inside, flags, None, None, near, body, None, None), number, index
+    straight = ops.bool_like(zero, False)
+    return PathState(start, direction, power, zero, straight, inside, flags, None, None, near, body, None, None), number, index
 
 
 @helper

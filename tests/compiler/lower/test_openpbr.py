@@ -1,0 +1,80 @@
+"""OpenPBR in the tables: media of its inside, and errors for what has no effect."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from maquette.compiler import ir, load
+from maquette.lang.diagnostics import Diagnostics, SceneError
+from maquette.materials import openpbr, subsurface
+
+Slot = ir.Slot
+REST = "\ncamera([0, 1, 5])\nsun()\n"
+
+
+def test_defaults_are_those_of_the_specification(compiled) -> None:
+    values = compiled("sphere(1, material: openpbr())" + REST).tables.materials.values[0]
+    for slot, default, *_ in openpbr.NUMBERS.values():
+        assert values[slot, 0] == default, slot
+    for slot, grey, _ in openpbr.COLORS.values():
+        assert values[slot].tolist() == [grey] * 3, slot
+    assert values[Slot.EMISSION].tolist() == [0.0] * 3
+
+
+def test_a_depth_makes_a_medium(compiled) -> None:
+    """White light has `transmission_color` after the depth; what the inside scatters is a part of what it takes."""
+    text = "transmission_weight: 1, transmission_color: rgb(0.5, 0.25, 1), transmission_depth: 2, transmission_scatter: rgb(0.1, 0.1, 0.1)"
+    tables = compiled(f"sphere(1, material: openpbr({text}))" + REST).tables
+    row = int(tables.materials.medium[0])
+    extinction = tables.media.scattering[row] + tables.media.absorption[row]
+    shift = extinction - (-np.log([0.5, 0.25, 1.0]) / 2)
+    assert np.allclose(tables.media.scattering[row], 0.05)
+    assert np.allclose(shift, shift[0])  # where scattering exceeds extinction, absorption is raised in all channels alike
+    assert tables.materials.values[0, Slot.TRANSMISSION_COLOR].tolist() == [1.0] * 3
+
+
+def test_a_body_is_that_of_subsurface(compiled) -> None:
+    tables = compiled("sphere(1, material: openpbr(subsurface_weight: 0.5, subsurface_color: 0.6, subsurface_radius: 2cm))" + REST).tables
+    scattering, absorption = subsurface.coefficients((0.6, 0.6, 0.6), (0.02, 0.01, 0.005))
+    row = int(tables.materials.medium[0])
+    assert np.allclose(tables.media.scattering[row], scattering)
+    assert np.allclose(tables.media.absorption[row], absorption)
+    plain = subsurface.diffuse_substitute(tables).materials
+    assert plain.medium[0] == -1
+    assert np.allclose(plain.values[0, Slot.DIFFUSE], 0.7)
+
+
+def test_emission_is_in_nit(compiled) -> None:
+    table = compiled("sphere(1, material: openpbr(emission_luminance: 30, emission_color: rgb(1, 0.5, 0)))" + REST).tables.materials
+    assert table.values[0, Slot.EMISSION].tolist() == [30.0, 15.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("transmission_weight: 1, subsurface_weight: 1", "both above 0"),
+        ("transmission_depth: 1", "no effect without `transmission_weight`"),
+        ("transmission_weight: 1, transmission_scatter: rgb(0, 0, 1)", "no effect without `transmission_depth`"),
+        ("geometry_thin_walled: true, transmission_weight: 1, transmission_depth: 1", "a thin wall has none"),
+        ("subsurface_weight: 1, subsurface_color: checker(#fff, #000, size: 1)", "is one colour"),
+        ("transmission_weight: 1, transmission_depth: 1, transmission_color: checker(#fff, #000, size: 1)", "has one colour"),
+        ("base_metalness: 2", "base_metalness"),
+        ("specular_ior: 0", "specular_ior"),
+    ],
+)
+def test_what_has_no_effect_is_an_error(tmp_path: Path, arguments: str, message: str) -> None:
+    path, found = tmp_path / "a.scene", Diagnostics()
+    path.write_text(f"sphere(1, material: openpbr({arguments}))" + REST, encoding="utf-8")
+    with pytest.raises(SceneError, match=message):
+        load.load(path, diagnostics=found)
+    assert [d.span is not None for d in found.items] == [True]
+
+
+def test_extremes_are_finite(compiled) -> None:
+    """Black insides, huge and tiny lengths."""
+    text = "transmission_weight: 1, transmission_color: 0, transmission_depth: 1e-6"
+    media = compiled(f"sphere(1, material: openpbr({text}))" + REST).tables.media
+    assert math.isfinite(float(media.absorption.max()))

@@ -272,11 +272,10 @@ def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -
     start, direction = load3(memory.state, base, 0, i), load3(memory.state, base, 3, i)
     power = load3(memory.state, base, 6, i)
     flags, number, index = load3(memory.index, source * 3 * ROW, 0, i)
-    zero = 0.0 * start[0]
+    zero, straight = 0.0 * start[0], ops.bool_like(start[0], False)
     inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
     near = load_near(table, None, memory, at)
     body = load_body(medium_stack.initial_body(tables, zero), None, memory.body, source * 4 * ROW + i, depth)
-    straight = ops.bool_like(zero, False)
     return PathState(start, direction, power, zero, straight, inside, flags, None, None, near, body, None, None), number, index
 
 

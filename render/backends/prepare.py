@@ -111,7 +111,7 @@ def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: Vie
     transparent = light_shapes.let_through(source, bool(plan["shadows.light_shapes"]))
     around = camera_media.around(source, view.camera)
     flat = vertex_meshes.replace_vertex_shaded(transparent, tessellator)
-    tables = principled.tables_for(flat, general, around, plan["transport"] == "path")
+    tables = principled.tables_for(flat, general, around, plan["working_space"] if plan["transport"] == "path" else None)
     tables = graphs.with_lookups(tables)
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures

@@ -2,8 +2,8 @@
 
 Paths carry red, green and blue. At the first dispersive boundary that bends a path, it takes one wavelength for the rest of its way, and
 its throughput is multiplied by the response of red, green and blue at this wavelength over its density. The mean of this factor is 1, so
-that white light that is not split stays white. The response is that of the CIE 1931 observer under D65, in linear Rec.709; it has negative
-parts, as pure colours lie outside of Rec.709. Wavelengths are drawn in proportion to the sum of its absolute values.
+that white light that is not split stays white. The response is that of the CIE 1931 observer under D65, in the working
+space; it has negative parts, as pure colours lie outside of it. Wavelengths are drawn in proportion to the sum of its absolute values.
 Indices follow Cauchy's equation with two terms, n = A + B / λ², by the index at 587.56 nm and the Abbe number. A sample of a pixel has one
 wavelength, and the samples of a pixel are stratified. Pharr, Jakob, Humphreys 2023, Physically Based Rendering, §4.5 and §9.3.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
+from ...lang import color_spaces
 from ...materials import glass, traits
 from ...materials.optics import spectrum
 from ..jit.kernel import helper, specialize_if_present
@@ -52,22 +53,22 @@ class Component(NamedTuple):
     response: Vec  # of red, green, blue, over the density of the wavelength
 
 
-def tables_of(tables: ir.Tables, media: Any) -> Dispersion | NoDispersion:
-    """The dispersive glass of a scene with these medium_stack.Media or Air."""
+def tables_of(tables: ir.Tables, media: Any, space: str = "rec709") -> Dispersion | NoDispersion:
+    """The dispersive glass of a scene with these medium_stack.Media or Air, for paths in a working space."""
     if not traits.disperses(tables):
         return NoDispersion()
     of = np.where(traits.dispersive(tables), glass.slope(tables.materials.values[:, ir.Slot.DISPERSION, 0]), 0.0)
     around = np.zeros(len(media.index) if media else 1)
     if media:
         np.maximum.at(around, media.number, np.where(media.number > 0, of, 0.0))
-    return Dispersion(of, around, cells())
+    return Dispersion(of, around, cells(space))
 
 
 @cache
-def cells() -> F64:
-    """(CELLS + 1, 4) equally likely parts of the spectrum, see Dispersion. The mean of each response is 1."""
+def cells(space: str = "rec709") -> F64:
+    """(CELLS + 1, 4) equally likely parts of the spectrum, see Dispersion, in a working space. The mean of each response is 1."""
     waves = np.arange(spectrum.FIRST, spectrum.LAST + 0.01, 0.25)  # nm
-    response = spectrum.response(waves)
+    response = np.array(color_spaces.matrix(color_spaces.REC709, color_spaces.WORKING[space])) @ spectrum.response(waves)
     weight = np.abs(response).sum(axis=0)
     summed = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
     edges = np.interp(np.linspace(0.0, summed[-1], CELLS + 1), summed, waves)

@@ -57,11 +57,11 @@ class Smooth(NamedTuple):
     """No material has microfacets."""
 
 
-def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = (), paths: bool = False) -> ir.Tables:
+def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = (), space: str | None = None) -> ir.Tables:
     """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend.
 
     With `general`, every part is there: those that the scene does not use are empty. `around` are the materials around the camera.
-    Glass disperses light for `paths` alone.
+    Glass disperses light where a working space is given.
     """
     media = medium_stack.media(tables, general, around)
     facets = bool(((traits.facets(tables) | traits.coated(tables)) & traits.used(tables)).any())
@@ -70,7 +70,7 @@ def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...]
         sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), media, blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general), body_coat.tables_of(tables, general),
-        openpbr.tables_of(tables), dispersion.tables_of(tables, media) if paths else dispersion.NoDispersion(),
+        openpbr.tables_of(tables), dispersion.tables_of(tables, media, space) if space else dispersion.NoDispersion(),
     )  # fmt: skip
     absent = (
         Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded,

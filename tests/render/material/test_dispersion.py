@@ -46,8 +46,9 @@ def through_prism(ior: float) -> tuple[np.ndarray, np.ndarray, float]:
     return start + way * inside, leaving, first * second
 
 
-def test_cells_of_the_spectrum_are_white_together() -> None:
-    rows = dispersion.cells()
+@pytest.mark.parametrize("space", ["rec709", "rec2020", "acescg"])
+def test_cells_of_the_spectrum_are_white_together(space: str) -> None:
+    rows = dispersion.cells(space)
     assert rows[:-1, :3].mean(axis=0) == pytest.approx([1.0, 1.0, 1.0], abs=1e-12)
     assert (np.diff(rows[:, 3]) < 0.0).all()
     waves = 1.0 / np.sqrt(rows[[0, -1], 3] + glass.LINES[1] ** -2)

@@ -21,6 +21,7 @@ from . import images
 from .common import uv_sets, vertex_numbers
 from .gltf_container import Container, Warn, check_finite
 from .gltf_errors import GltfError
+from .khronos import slabs
 
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
@@ -29,6 +30,7 @@ _COLORS = ("baseColorTexture", "diffuseTexture")
 _EVEN, _SMOOTH = 0.1, 0.1  # difference of a colour's components that is not a tint; roughness that is none
 _SCATTER = "KHR_materials_volume_scatter"
 _MOST_ANISOTROPY = 0.99
+_MOST_DISPERSION = 4.0  # an Abbe number of 5
 _GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
 
 
@@ -98,10 +100,16 @@ class Materials:
             inputs = {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}
             return partial_coverage.with_opacity(MaterialData(inputs=inputs, name=title), *self._opacity(written, base, float(color[3])))
         share, tinted = _transmission(extensions), _is_colored(pbr)
+        if "KHR_materials_dispersion" in extensions and not self._is_glass(written):
+            self.warn("KHR_materials_dispersion counts in solid glass alone: with KHR_materials_volume, and transmission from one half on")
         if self._is_glass(written):
             ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
             rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
             inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
+            if slabs.are_used(extensions):
+                self.warn("the anisotropy and iridescence of glass are not drawn")
+            if (dispersion := float(extensions.get("KHR_materials_dispersion", {}).get("dispersion", 0.0))) > 0.0:
+                inputs[ir.Slot.DISPERSION] = Input.number(min(dispersion, _MOST_DISPERSION))
             medium = self._medium(extensions)
             absorbed = self._absorption(extensions) if medium == NONE else {}
             return MaterialData(ir.MaterialModel.GLASS, inputs | absorbed, name=title, medium=medium)
@@ -117,14 +125,25 @@ class Materials:
             else:
                 metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
                 surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
-        return self._scattering_through(surface, extensions)
+        return self._scattering_through(surface, written)
 
-    def _scattering_through(self, surface: metallic_roughness.Surface, extensions: dict[str, Any]) -> MaterialData:
+    def _reflecting(self, surface: metallic_roughness.Surface, written: dict[str, Any]) -> MaterialData:
+        """What a surface reflects: slabs of OpenPBR with anisotropy or iridescence, else `principled`."""
+        extensions = written.get("extensions", {})
+        if not slabs.are_used(extensions):
+            return metallic_roughness.material(surface)
+        if "KHR_materials_pbrSpecularGlossiness" in extensions:
+            self.warn("the anisotropy and iridescence of a surface with KHR_materials_pbrSpecularGlossiness are not drawn")
+            return metallic_roughness.material(surface)
+        return slabs.Slabs(self.builder, self._picture, self.warn, self.name).material(surface, written)
+
+    def _scattering_through(self, surface: metallic_roughness.Surface, written: dict[str, Any]) -> MaterialData:
         """A surface that passes a share of the diffuse light on, by KHR_materials_diffuse_transmission.
 
         Where all light enters it is `subsurface`. Else it is `translucent` without a highlight. With one it is blended with a sheet that
         reflects nothing.
         """
+        extensions = written.get("extensions", {})
         extension, medium = extensions.get("KHR_materials_diffuse_transmission", {}), self._medium(extensions)
         weight = self._texture(extension.get("diffuseTransmissionTexture"), 3)
         share = min(max(float(extension.get("diffuseTransmissionFactor", 0.0)), 0.0), 1.0)
@@ -132,12 +151,13 @@ class Materials:
             if medium != NONE:
                 self.warn("KHR_materials_volume_scatter counts where light passes: with KHR_materials_transmission from one half on,"
                           " or KHR_materials_diffuse_transmission")  # fmt: skip
-            return metallic_roughness.material(surface)
+            return self._reflecting(surface, written)
         color = as_color(extension.get("diffuseTransmissionColorFactor", WHITE))
         passed = Input(color, self._texture(extension.get("diffuseTransmissionColorTexture")))
         body = medium != NONE and share == 1.0
         plain = (surface.ior.value[0] == 1.0 or body) and surface.specular is None and surface.metallic.value[0] == 0.0
         plain = plain and surface.coat.value[0] == 0.0 and surface.sheen.value == BLACK and weight == NONE
+        plain = plain and not slabs.are_used(extensions)
         reflected = replace(surface.diffuse, value=scale_color(surface.diffuse.value, 1.0 - share)) if plain else Input(BLACK)
         inputs = {
             ir.Slot.AMBIENT: reflected, ir.Slot.DIFFUSE: reflected,
@@ -153,7 +173,7 @@ class Materials:
         if plain:
             return partial_coverage.with_opacity(MaterialData(model, inputs | maps, name=surface.name, medium=medium), *opacity)
         sheet = MaterialData(model, inputs | maps, name=f"{surface.name} through", medium=medium)
-        opaque = metallic_roughness.material(replace(surface, opacity=metallic_roughness.ALL, threshold=0.0))
+        opaque = self._reflecting(replace(surface, opacity=metallic_roughness.ALL, threshold=0.0), written)
         parts = self.builder.material(opaque, Span(self.name)), self.builder.material(sheet, Span(self.name))
         mix = MaterialData(
             ir.MaterialModel.BLEND, {ir.Slot.WEIGHT: Input.number(share, weight)}, first=parts[0], second=parts[1], name=surface.name,
@@ -217,7 +237,7 @@ class Materials:
         specular = extensions["KHR_materials_specular"]
         share = ((ior - 1) / (ior + 1)) ** 2 * float(specular.get("specularFactor", 1.0))
         tint, weight = self._texture(specular.get("specularColorTexture")), specular.get("specularTexture")
-        if tint != NONE and weight:
+        if tint != NONE and weight and not slabs.are_used(extensions):
             self.warn("the specularTexture of KHR_materials_specular is not drawn beside its specularColorTexture")
         r, g, b = (min(share * float(c), 1.0) for c in specular.get("specularColorFactor", (1.0, 1.0, 1.0)))
         return Input((r, g, b), tint if tint != NONE else self._texture(weight, 3))
@@ -269,28 +289,32 @@ class Materials:
 
     def _texture(self, reference: dict[str, Any] | None, channel: int = -1) -> int:
         """The texture row of a texture reference: a colour, one `channel`, or all channels as _DATA."""
+        data = self._picture(reference, channel)
+        return NONE if data is None else self.builder.texture(data, Span(self.name))
+
+    def _picture(self, reference: dict[str, Any] | None, channel: int = -1) -> TextureData | None:
+        """A texture reference as columns of ir.Textures; None without one, or if it cannot be read."""
         if reference is None:
-            return NONE
+            return None
         map_ = self._fit.maps.get(_uv_set(reference), uv_sets.PLAIN)
         if map_ is None:
             reason = f"more than {uv_sets.MOST_PARTS} affine maps lead to it from the set of the first picture"
             self.warn(f"pictures with TEXCOORD_{_uv_set(reference)} are left out: {reason}")
-            return NONE
+            return None
         try:
             texture = self.container.document["textures"][reference["index"]]
             sampler = self.container.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
             image = self._image(texture, color=channel == -1)
         except (KeyError, IndexError, TypeError, AttributeError):
             self.warn(f"texture {reference['index']}, its sampler or its image does not exist: it is left out")
-            return NONE
+            return None
         if image == NONE:
-            return NONE
+            return None
         wrap_u, wrap_v = (_WRAPS.get(sampler.get(k, 10497), ir.Wrap.REPEAT) for k in ("wrapS", "wrapT"))
-        data = TextureData(
+        return TextureData(
             ir.TextureKind.IMAGE, image, wrap_u=wrap_u, wrap_v=wrap_v, nearest=sampler.get("magFilter") == 9728,
             channel=max(channel, -1), frame=_frame(_transform(reference), map_),
         )  # fmt: skip
-        return self.builder.texture(data, Span(self.name))
 
     def _image(self, texture: dict[str, Any], color: bool) -> int:
         """The row of a texture's image; NONE and a warning if it cannot be read."""

@@ -102,6 +102,8 @@ def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
             read.add(file)
             waiting.append((included, file.parent))
             root.extend(each for each in included if each.tag.rpartition("}")[2] != "include")
+    for element in root.iter("node"):  # the long form of 1.39
+        element.tag = element.get("nodetype") or "node"
     return root
 
 

@@ -17,7 +17,7 @@ from . import mtlx_files
 GAP = 2.5  # metres from ball to ball; a ball has a radius of 1
 MOST_BALLS = 400
 _FLOOR, _TILES = (0.2, 0.35), 40  # reflectances of the floor's tiles, and their number along a side
-_TALL = 24.0  # degrees by which the camera looks down
+_DOWN = (12.0, 24.0, 40.0)  # degrees by which the camera looks down on one row, on two or three, on more
 
 
 def layer(path: Path, diagnostics: Diagnostics) -> Any:
@@ -76,13 +76,12 @@ def _lights(stage: Any, size: float) -> None:
 
 def _camera(stage: Any, columns: int, rows: int) -> None:
     camera = UsdGeom.Camera.Define(stage, "/MaterialX/main_cam")
-    wide, deep = GAP * (columns - 1) + 2.6, GAP * (rows - 1)
-    tall = 2.6 + deep * math.sin(math.radians(_TALL))
-    distance = max(wide * 0.5 / 0.36, tall * 0.5 / 0.24) + deep * 0.5
+    down = math.radians(_DOWN[0] if rows == 1 else _DOWN[1] if rows < 4 else _DOWN[2])
+    wide, deep = GAP * (columns - 1) + 2.4, GAP * (rows - 1)
+    distance = max(wide * 0.5 / 0.36 + deep * 0.5 * math.cos(down), (2.6 + deep * math.sin(down)) * 0.5 / 0.2)
     camera.CreateFocalLengthAttr(28.0)
     camera.CreateHorizontalApertureAttr(20.955)
     camera.CreateVerticalApertureAttr(20.955 * 9 / 16)
-    down = math.radians(_TALL if rows > 1 else 12.0)
     eye = Gf.Vec3d(0.0, 0.95 + distance * math.sin(down), distance * math.cos(down))
     camera.AddTranslateOp().Set(eye)
     camera.AddRotateXOp().Set(-math.degrees(down))

@@ -17,7 +17,7 @@ from .....lang.diagnostics import Span
 from .....materials import openpbr, subsurface
 from .....materials.glass import KHRONOS
 from .... import ir
-from ....scene import partial_coverage
+from ....scene import metallic_roughness, partial_coverage
 from ....scene.builder import SceneBuilder
 from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
 from .arithmetic import Arithmetic, is_zero, numbers
@@ -26,6 +26,7 @@ Slot = ir.Slot
 Tell = Callable[[str], None]
 KEY = "slabs"  # of Network.inputs: a surface of slabs
 _THIN = "geometry_thin_walled"
+_STRAIGHT = 1.0001  # index of refraction of a wall that bends no light
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
 DEFAULTS: Mapping[str, Any] = {
@@ -312,6 +313,9 @@ class Rows:
         dielectric = self.arithmetic.less(inputs["base_metalness"], self.place)
         if not is_zero(inside) and not is_zero(dielectric):
             base = self._blend(base, self._inside(inputs), self.arithmetic.times(inside, dielectric, self.place))
+        share = numbers(glassy)
+        if inputs[_THIN] and is_zero(inputs["base_metalness"]) and share is not None and share.mean() >= 1.0:
+            return self._wall(inputs)
         if not is_zero(glassy) and not is_zero(dielectric):
             base = self._blend(base, self._glass(inputs), self.arithmetic.times(glassy, dielectric, self.place))
         return base
@@ -353,13 +357,25 @@ class Rows:
             inside = color.value if color.texture < 0 else WHITE
             absorption = as_color(-math.log(min(max(c, 1e-6), 1.0)) / depth + 0.0 for c in inside)
             color = Input(WHITE)
-        ior = Input.number(1.0001) if inputs[_THIN] else self.reader.number(inputs["specular_ior"], 1.5)
+        ior = Input.number(_STRAIGHT) if inputs[_THIN] else self.reader.number(inputs["specular_ior"], 1.5)
         given = {
             Slot.TRANSMISSION: color, Slot.IOR: ior,
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
             Slot.ABSORPTION: Input(absorption), Slot.PRIORITY: Input.number(0.0), Slot.DISPERSION: Input.number(self._dispersion(inputs)),
         }  # fmt: skip
         return MaterialData(ir.MaterialModel.GLASS, given | self.maps, name=self.name)
+
+    def _wall(self, inputs: Mapping[str, Any]) -> MaterialData:
+        """A thin wall that all light passes straight, under a highlight."""
+        color = numbers(inputs["transmission_color"])
+        if color is None or np.abs(color - 1.0).max() > 1e-6:
+            self.tell("light passes thin walls white, without their transmission colour")
+        wall = metallic_roughness.Surface(
+            Input(BLACK), roughness=self.reader.number(inputs["specular_roughness"], 0.3),
+            ior=self.reader.number(inputs["specular_ior"], 1.5), transmission=1.0,
+            normal=self.maps.get(Slot.NORMAL), bump=self.maps.get(Slot.BUMP), name=self.name,
+        )  # fmt: skip
+        return metallic_roughness.material(wall)
 
     def _dispersion(self, inputs: Mapping[str, Any]) -> float:
         """20 over the Abbe number, by the scale; 0 of thin walls, which bend no light."""

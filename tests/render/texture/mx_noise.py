@@ -93,16 +93,26 @@ def perlin(point):
     return scale * sums[0], tuple(scale * s for s in sums[1:])
 
 
-def worley(point, jitter=1.0, style=0):
-    """mx_worley_noise_float of two or three numbers, with the metric 0."""
+def _nearest(point, jitter):
+    """(distance to the nearest point of the cells around, the way to it)."""
     cells = [math.floor(x) for x in point]
     local = [x - c for x, c in zip(point, cells, strict=True)]
-    best, nearest = 1e6, (0.0,) * len(point)
+    best, way = 1e6, (0.0,) * len(point)
     for corner in range(3 ** len(point)):
         steps = [corner // 3**k % 3 - 1 for k in range(len(point))]
         offsets = cell_vec3([s + c for s, c in zip(steps, cells, strict=True)])[: len(point)]
         away = [s + (o - 0.5) * jitter + 0.5 - x for s, o, x in zip(steps, offsets, local, strict=True)]
         square = sum(a * a for a in away)
         if square < best:
-            best, nearest = square, away
-    return cell([a + x for a, x in zip(nearest, point, strict=True)]) if style else math.sqrt(best)
+            best, way = square, away
+    return math.sqrt(best), way
+
+
+def worley(point, jitter=1.0):
+    """mx_worley_noise_float of two or three numbers, with the metric 0 and the style 0."""
+    return _nearest(point, jitter)[0]
+
+
+def nearest(point, jitter=1.0):
+    """The place whose cell noise is Worley's noise of the style 1."""
+    return [a + x for a, x in zip(_nearest(point, jitter)[1], point, strict=True)]

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...materialx import library
 from ...materialx.graph import Node, Port
+from ...materialx.physical import NARROWEST
 from . import slabs
 from .arithmetic import Arithmetic, is_zero, numbers
 from .graphs import Graphs
@@ -113,7 +114,7 @@ class Closures:
             if anisotropy is None:
                 self._tell("an anisotropy that varies is drawn as none")
             elif anisotropy > 0.0:
-                slab[turned] = 0.98 * float(anisotropy)
+                slab[turned] = min(float(anisotropy), NARROWEST)
             return
         alpha = self._source(node, "roughness", (0.05, 0.05))
         values = numbers(alpha)

@@ -12,13 +12,13 @@ from typing import Any
 from pxr import UsdShade
 
 from ....texture_graph.graph_builder import TooLarge
-from ...materialx import elementary, library, patterns, pictures
+from ...materialx import elementary, library, patterns, physical, pictures
 from ...materialx.evaluator import Evaluator, Names, NotDrawn
 from ...materialx.graph import Node, Port
 from .network import Graph
 
 Tell = Callable[[str, Any], None]
-HANDLER_MODULES = (elementary, patterns, pictures)  # importing them registers their nodes
+HANDLER_MODULES = (elementary, patterns, physical, pictures)  # importing them registers their nodes
 _BENT = ("normalmap", "bump", "heighttonormal", "hextilednormalmap")
 
 

@@ -20,6 +20,7 @@ from .... import ir
 from ....scene import metallic_roughness, partial_coverage
 from ....scene.builder import SceneBuilder
 from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
+from ...materialx.physical import NARROWEST
 from .arithmetic import Arithmetic, is_zero, numbers
 
 Slot = ir.Slot
@@ -183,7 +184,8 @@ def _standard(inputs: dict[str, Any], arithmetic: Arithmetic, place: Any) -> Non
     for rough, turned in (("specular_roughness", "specular_roughness_anisotropy"), ("coat_roughness", "coat_roughness_anisotropy")):
         r, a = numbers(inputs[rough]), numbers(inputs[turned])
         if r is not None and a is not None and a.ndim == 0 and 0.0 < a <= 1.0:
-            aspect, narrow = math.sqrt(1.0 - 0.98 * float(a)), 0.98 * float(a)
+            narrow = min(float(a), NARROWEST)
+            aspect = math.sqrt(1.0 - narrow)
             alpha = min(float(r.mean()) ** 2 / aspect, 1.0)  # along the tangent
             inputs[rough] = math.sqrt(min(alpha * math.sqrt((1.0 + (1.0 - narrow) ** 2) / 2.0), 1.0))
             inputs[turned] = narrow

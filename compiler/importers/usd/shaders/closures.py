@@ -168,8 +168,7 @@ class Closures:
         if kind == "ND_subsurface_bsdf":
             radius = self._source(node, "radius", (1.0,) * 3)
             slab |= {"subsurface_weight": weight, "subsurface_color": self._source(node, "color", (0.18,) * 3), "subsurface_radius": 1.0}
-            if not is_zero(self._source(node, "anisotropy", 0.0)):
-                self._tell(f"the input `anisotropy` of {kind} is not drawn: light scatters evenly")
+            slab["subsurface_scatter_anisotropy"] = self._source(node, "anisotropy", 0.0)
             return Slab({**slab, "subsurface_radius_scale": radius}, "diffuse")
         if kind == "ND_sheen_bsdf":
             color, rough = self._source(node, "color", (1.0,) * 3), self._source(node, "roughness", 0.3)

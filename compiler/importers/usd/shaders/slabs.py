@@ -1,7 +1,7 @@
 """Surface shaders as slabs of OpenPBR: open_pbr_surface, standard_surface and disney_principled; and the rows of slabs.
 
-A share of a surface that passes light is glass, a share that scatters light inside is a body; shares are blended. Sources:
-MaterialX 1.39's graphs of these shaders; Gulbrandsen, "Artist Friendly Metallic Fresnel", JCGT 2014, for metals by an edge colour.
+Sources: MaterialX 1.39's graphs of these shaders; Gulbrandsen, "Artist Friendly Metallic Fresnel", JCGT 2014, for metals by an
+edge colour.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .....lang.diagnostics import Span
 from .....materials import openpbr, subsurface
 from .....materials.glass import KHRONOS
 from .... import ir
-from ....scene import metallic_roughness, partial_coverage
+from ....scene import partial_coverage
 from ....scene.builder import SceneBuilder
 from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
 from ...materialx.physical import NARROWEST
@@ -27,15 +27,15 @@ Slot = ir.Slot
 Tell = Callable[[str], None]
 KEY = "slabs"  # of Network.inputs: a surface of slabs
 _THIN = "geometry_thin_walled"
-_STRAIGHT = 1.0001  # index of refraction of a wall that bends no light
+_OPAQUE = {"transmission_weight": 0.0, "subsurface_weight": 0.0}
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
 DEFAULTS: Mapping[str, Any] = {
     **{name: default for name, (_, default, _, _) in openpbr.NUMBERS.items()},
     **{name: (grey,) * 3 for name, (_, grey, _) in openpbr.COLORS.items()},
     "emission_luminance": 0.0, "emission_color": (1.0,) * 3, "geometry_opacity": 1.0, "geometry_normal": None, _THIN: False,
-    "transmission_weight": 0.0, "transmission_color": (1.0,) * 3, "transmission_depth": 0.0,
-    "subsurface_weight": 0.0, "subsurface_color": (0.8,) * 3, "subsurface_radius": 1.0, "subsurface_radius_scale": (1.0, 0.5, 0.25),
+    "transmission_depth": 0.0, "transmission_scatter": (0.0,) * 3, "transmission_scatter_anisotropy": 0.0,
+    "subsurface_radius": 1.0, "subsurface_radius_scale": (1.0, 0.5, 0.25),
     "subsurface_scatter_anisotropy": 0.0, "transmission_dispersion_scale": 0.0, "transmission_dispersion_abbe_number": 20.0,
 }  # fmt: skip
 _STANDARD = {  # names and defaults of standard_surface
@@ -49,7 +49,8 @@ _STANDARD = {  # names and defaults of standard_surface
     "fuzz_roughness": ("sheen_roughness", 0.3), "emission_luminance": ("emission", 0.0), "emission_color": ("emission_color", (1.0,) * 3),
     "geometry_opacity": ("opacity", (1.0,) * 3), "geometry_normal": ("normal", None), _THIN: ("thin_walled", False),
     "transmission_weight": ("transmission", 0.0), "transmission_color": ("transmission_color", (1.0,) * 3),
-    "transmission_depth": ("transmission_depth", 0.0), "subsurface_weight": ("subsurface", 0.0),
+    "transmission_depth": ("transmission_depth", 0.0), "transmission_scatter": ("transmission_scatter", (0.0,) * 3),
+    "transmission_scatter_anisotropy": ("transmission_scatter_anisotropy", 0.0), "subsurface_weight": ("subsurface", 0.0),
     "subsurface_color": ("subsurface_color", (1.0,) * 3), "subsurface_radius": ("subsurface_scale", 1.0),
     "subsurface_radius_scale": ("subsurface_radius", (1.0,) * 3), "subsurface_scatter_anisotropy": ("subsurface_anisotropy", 0.0),
     "thin_film_thickness": ("thin_film_thickness", 0.0), "thin_film_ior": ("thin_film_IOR", 1.5),
@@ -107,8 +108,6 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
         name = str(shader_input.GetBaseName())
         if name not in used and not _without_effect(shader, name, shader_input, source):
             tell(f"the input `{name}` of {kind} is not drawn")
-    if not is_zero(inputs["subsurface_weight"]) and not is_zero(inputs["subsurface_scatter_anisotropy"]):
-        tell(f"the input `{names['subsurface_scatter_anisotropy'][0]}` is not drawn: light scatters evenly inside of bodies")
     if not is_zero(inputs["emission_luminance"]):
         inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
     inputs |= {KEY: True, "normal": inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
@@ -154,10 +153,7 @@ def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[
             written = [shader.GetInput(weight) for weight in weights.split()]
             if not any(each and not is_zero(source(each, 0.0)) for each in written):
                 return True
-    plain = {"coat_affect_roughness": 0.0, "transmission_extra_roughness": 0.0, "transmission_scatter": 0.0}.get(name)
-    if plain is not None and value is not None and not (value != plain).any():
-        return True
-    return name == "transmission_scatter_anisotropy"
+    return name in ("coat_affect_roughness", "transmission_extra_roughness") and value is not None and not value.any()
 
 
 _DIRECTIONS = ("tangent", "geometry_tangent", "geometry_coat_tangent", "coat_normal", "geometry_coat_normal", "clearcoat_normal")
@@ -305,24 +301,32 @@ class Rows:
         return self._surface(tree.inputs)
 
     def _surface(self, inputs: Mapping[str, Any]) -> MaterialData:
-        """Slabs, of which a share is glass, and a share a body."""
-        base = self._slabs(inputs)
-        glassy, inside = inputs["transmission_weight"], inputs["subsurface_weight"]
-        if not (is_zero(glassy) and is_zero(inside)):
-            for name, part in (("coat_weight", "clear coat"), ("fuzz_weight", "sheen"), ("thin_film_weight", "thin film")):
-                if not is_zero(inputs[name]):
-                    self.tell(f"the {part} over a material that scatters light inside or passes it is not drawn")
-        dielectric = self.arithmetic.less(inputs["base_metalness"], self.place)
-        if not is_zero(inside) and not is_zero(dielectric):
-            base = self._blend(base, self._inside(inputs), self.arithmetic.times(inside, dielectric, self.place))
-        share = numbers(glassy)
-        if inputs[_THIN] and is_zero(inputs["base_metalness"]) and share is not None and share.mean() >= 1.0:
-            return self._wall(inputs)
-        if not is_zero(glassy) and not is_zero(dielectric):
-            base = self._blend(base, self._glass(inputs), self.arithmetic.times(glassy, dielectric, self.place))
-        return base
+        """Slabs, and what fills the shape: glass, or a body that scatters light.
 
-    def _slabs(self, inputs: Mapping[str, Any]) -> MaterialData:
+        Glass with dispersion is a material of its own, and so is a body whose colour has a texture.
+        """
+        solid = not inputs[_THIN]
+        clear, spread = (not is_zero(inputs[name]) and solid for name in ("transmission_weight", "subsurface_weight"))
+        if clear and self._dispersion(inputs) > 0.0:
+            return self._blend(self._slabs({**inputs, **_OPAQUE}), self._glass(inputs), self._of_dielectric(inputs, "transmission_weight"))
+        if clear and spread:
+            self.tell("a surface that passes light is drawn without its subsurface: a shape is filled by one medium")
+            return self._slabs({**inputs, "subsurface_weight": 0.0}, self._murky(inputs))
+        if not spread:
+            return self._slabs(inputs, self._murky(inputs) if clear else -1)
+        color = self.reader.color(inputs["subsurface_color"], WHITE)
+        if color.texture < 0:
+            return self._slabs(inputs, self._medium(inputs, color.value))
+        for name, part in (("coat_weight", "clear coat"), ("fuzz_weight", "sheen"), ("thin_film_weight", "thin film")):
+            if not is_zero(inputs[name]):
+                self.tell(f"the {part} over a body whose colour has a texture is drawn on the rest of the surface alone")
+        return self._blend(self._slabs({**inputs, **_OPAQUE}), self._body(inputs, color), self._of_dielectric(inputs, "subsurface_weight"))
+
+    def _of_dielectric(self, inputs: Mapping[str, Any], name: str) -> Any:
+        """A weight times the share of the surface that is no metal."""
+        return self.arithmetic.times(inputs[name], self.arithmetic.less(inputs["base_metalness"], self.place), self.place)
+
+    def _slabs(self, inputs: Mapping[str, Any], medium: int = -1) -> MaterialData:
         given = {
             slot: self._share(self.reader.number(inputs[name], default), most)
             for name, (slot, default, most, _) in openpbr.NUMBERS.items()
@@ -330,7 +334,38 @@ class Rows:
         given |= {slot: self.reader.color(inputs[name], (grey,) * 3) for name, (slot, grey, _) in openpbr.COLORS.items()}
         if "emission" in inputs:
             given[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
-        return openpbr.data(given | self.maps, name=self.name)
+        if inputs[_THIN]:
+            given[Slot.THIN_WALLED] = Input.number(1.0)
+            anisotropy = self.reader.constant(inputs["subsurface_scatter_anisotropy"], 0.0)
+            given[Slot.SUBSURFACE_ANISOTROPY] = Input.number(min(max(anisotropy, -1.0), 1.0))
+        elif self._depth(inputs) > 0.0:
+            given[Slot.TRANSMISSION_COLOR] = Input(WHITE)
+        return openpbr.data(given | self.maps, name=self.name, medium=medium)
+
+    def _depth(self, inputs: Mapping[str, Any]) -> float:
+        return self.reader.constant(inputs["transmission_depth"], 0.0) * self.metres
+
+    def _murky(self, inputs: Mapping[str, Any]) -> int:
+        """The medium of glass with a depth: it leaves the transmission colour of white light, and scatters some of it."""
+        depth = self._depth(inputs)
+        if not depth > 0.0:
+            return -1
+        color, spread = numbers(inputs["transmission_color"]), numbers(inputs["transmission_scatter"])
+        if color is None or spread is None:
+            self.tell("a transmission colour with a depth is drawn only as one colour: white is drawn")
+        color = np.ones(3) if color is None else np.clip(np.broadcast_to(color, 3), openpbr.DARKEST, 1.0)
+        scattering = np.zeros(3) if spread is None else np.maximum(np.broadcast_to(spread, 3), 0.0) / depth
+        absorption = -np.log(color) / depth - scattering
+        absorption = absorption - min(float(absorption.min()), 0.0)
+        anisotropy = min(max(self.reader.constant(inputs["transmission_scatter_anisotropy"], 0.0), -0.99), 0.99)
+        return self.reader.builder.medium(MediumData(as_color(scattering), as_color(absorption), anisotropy=anisotropy), self.span)
+
+    def _medium(self, inputs: Mapping[str, Any], color: Color) -> int:
+        """The medium of a body: a phase function with a mean cosine g scatters 1/(1 − g) as often for the same body."""
+        anisotropy = min(max(self.reader.constant(inputs["subsurface_scatter_anisotropy"], 0.0), -0.99), 0.99)
+        scattering, absorption = subsurface.coefficients(color, self._lengths(inputs))
+        data = MediumData(scale_color(scattering, 1.0 / (1.0 - anisotropy)), absorption, anisotropy=anisotropy)
+        return self.reader.builder.medium(data, self.span)
 
     def _share(self, number: Input, most: float | None) -> Input:
         """A number from 0, up to `most`; a texture's factor is not clamped."""
@@ -350,34 +385,18 @@ class Rows:
         return MaterialData(ir.MaterialModel.BLEND, {Slot.WEIGHT: weight}, first=parts[0], second=parts[1], name=self.name, medium=medium)
 
     def _glass(self, inputs: Mapping[str, Any]) -> MaterialData:
-        """Glass: with a depth its colour is that of light after so many units, else that of light that passes a surface."""
-        depth = self.reader.constant(inputs["transmission_depth"], 0.0) * self.metres
-        color, absorption = self.reader.color(inputs["transmission_color"], WHITE), BLACK
-        if depth > 0.0 and not inputs[_THIN]:
-            if color.texture >= 0:
-                self.tell("a transmission colour with a depth is drawn only as one colour: white is drawn")
-            inside = color.value if color.texture < 0 else WHITE
-            absorption = as_color(-math.log(min(max(c, 1e-6), 1.0)) / depth + 0.0 for c in inside)
+        """Glass that splits light: with a depth its colour is that of light after so many units, else that of what passes a surface."""
+        depth, color = self._depth(inputs), self.reader.color(inputs["transmission_color"], WHITE)
+        absorption = BLACK
+        if depth > 0.0 and color.texture < 0:
+            absorption = as_color(-math.log(min(max(c, openpbr.DARKEST), 1.0)) / depth + 0.0 for c in color.value)
             color = Input(WHITE)
-        ior = Input.number(_STRAIGHT) if inputs[_THIN] else self.reader.number(inputs["specular_ior"], 1.5)
         given = {
-            Slot.TRANSMISSION: color, Slot.IOR: ior,
-            Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
-            Slot.ABSORPTION: Input(absorption), Slot.PRIORITY: Input.number(0.0), Slot.DISPERSION: Input.number(self._dispersion(inputs)),
+            Slot.TRANSMISSION: color, Slot.IOR: self.reader.number(inputs["specular_ior"], 1.5), Slot.ABSORPTION: Input(absorption),
+            Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0), Slot.PRIORITY: Input.number(0.0),
+            Slot.DISPERSION: Input.number(self._dispersion(inputs)),
         }  # fmt: skip
         return MaterialData(ir.MaterialModel.GLASS, given | self.maps, name=self.name)
-
-    def _wall(self, inputs: Mapping[str, Any]) -> MaterialData:
-        """A thin wall that all light passes straight, under a highlight."""
-        color = numbers(inputs["transmission_color"])
-        if color is None or np.abs(color - 1.0).max() > 1e-6:
-            self.tell("light passes thin walls white, without their transmission colour")
-        wall = metallic_roughness.Surface(
-            Input(BLACK), roughness=self.reader.number(inputs["specular_roughness"], 0.3),
-            ior=self.reader.number(inputs["specular_ior"], 1.5), transmission=1.0,
-            normal=self.maps.get(Slot.NORMAL), bump=self.maps.get(Slot.BUMP), name=self.name,
-        )  # fmt: skip
-        return metallic_roughness.material(wall)
 
     def _dispersion(self, inputs: Mapping[str, Any]) -> float:
         """20 over the Abbe number, by the scale; 0 of thin walls, which bend no light."""
@@ -385,21 +404,14 @@ class Rows:
         abbe = self.reader.constant(inputs["transmission_dispersion_abbe_number"], 20.0)
         return KHRONOS / abbe * max(scale, 0.0) if abbe > 0.0 and not inputs[_THIN] else 0.0
 
-    def _inside(self, inputs: Mapping[str, Any]) -> MaterialData:
-        """A body that scatters light, or a thin wall that light passes."""
-        color = self.reader.color(inputs["subsurface_color"], WHITE)
-        if inputs[_THIN]:
-            half = Input(scale_color(color.value, 0.5), color.texture)
-            sheet = {Slot.AMBIENT: half, Slot.DIFFUSE: half, Slot.DIFFUSE_TRANSMISSION: half}
-            return MaterialData(ir.MaterialModel.TRANSLUCENT, sheet | self.maps, name=self.name)
-        lengths = self._lengths(inputs)
-        scattering, absorption = subsurface.coefficients(color.value, lengths)
+    def _body(self, inputs: Mapping[str, Any], color: Input) -> MaterialData:
+        """A body whose colour has a texture."""
         given = {
             Slot.AMBIENT: color, Slot.DIFFUSE_TRANSMISSION: Input(WHITE), Slot.RADIUS: Input.number(1.0),
             Slot.IOR: self.reader.number(inputs["specular_ior"], 1.5),
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
         }  # fmt: skip
-        medium = self.reader.builder.medium(MediumData(scattering, absorption), self.span)
+        medium = self._medium(inputs, color.value)
         return MaterialData(ir.MaterialModel.SUBSURFACE, given | self.maps, name=self.name, medium=medium)
 
     def _lengths(self, inputs: Mapping[str, Any]) -> Color:

@@ -51,8 +51,8 @@ def is_plain(shader: Any) -> bool:
             else:
                 weights = [below.GetInput(end) for end in ("weight", "roughness", "tint", "normal", "thinfilm_thickness")]
                 mode = below.GetInput("scatter_mode")
-                if kind not in _PLAIN or (mode and mode.Get() not in (None, "R")):
-                    return kind not in _OTHERS
+                if kind in _OTHERS or (mode and mode.Get() not in (None, "R")):
+                    return False
             if any(weight and weight.HasConnectedSource() for weight in weights):
                 return False
     return True
@@ -60,8 +60,7 @@ def is_plain(shader: Any) -> bool:
 
 _JOINS = {"ND_layer_bsdf": ("top", "base"), "ND_add_bsdf": ("in1", "in2"), "ND_mix_bsdf": ("fg", "bg"), "ND_multiply_bsdfF": ("in1",),
           "ND_multiply_bsdfC": ("in1",)}  # fmt: skip
-_PLAIN = (*DIFFUSE, "ND_translucent_bsdf", "ND_subsurface_bsdf", "ND_dielectric_bsdf")
-_OTHERS = ("ND_conductor_bsdf", "ND_generalized_schlick_bsdf", "ND_sheen_bsdf", "ND_dielectric_bsdf", "ND_layer_vdf")
+_OTHERS = ("ND_conductor_bsdf", "ND_generalized_schlick_bsdf", "ND_sheen_bsdf", "ND_layer_vdf")  # closures.py reads them
 
 
 class Graph:

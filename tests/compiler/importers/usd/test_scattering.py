@@ -1,5 +1,7 @@
 """Light inside and behind surfaces of MaterialX in USD stages: weights, radii, thin walls, graphs of BSDFs, and what is told."""
 
+import math
+
 import numpy as np
 import pytest
 from maquette.compiler import ir
@@ -32,8 +34,8 @@ def test_a_surface_with_a_weight_of_one_is_a_body(tmp_path, kind, unit):
     """Its radii are in units of the stage, and it has the highlight of the surface."""
     more = "\nfloat inputs:specular_roughness = 0.4"
     scene, messages = drawn(tmp_path, WHOLE[kind] + more, kind, header=f"metersPerUnit = {unit}")
-    assert (model_of(scene), messages) == (ir.MaterialModel.SUBSURFACE, [])
-    assert slot(scene, "AMBIENT") == pytest.approx([0.8, 0.4, 0.2])
+    assert (model_of(scene), messages) == (ir.MaterialModel.OPENPBR, [])
+    assert (slot(scene, "SUBSURFACE_WEIGHT")[0], slot(scene, "SUBSURFACE_COLOR")) == (1.0, pytest.approx([0.8, 0.4, 0.2]))
     assert (slot(scene, "IOR")[0], slot(scene, "ROUGHNESS")[0]) == pytest.approx((1.5, 0.4))
     m, media = scene.tables.materials, scene.tables.media
     inside = m.medium[scene.tables.instances.material[0]]
@@ -42,14 +44,43 @@ def test_a_surface_with_a_weight_of_one_is_a_body(tmp_path, kind, unit):
     assert media.absorption[inside] == pytest.approx(absorption, rel=1e-5)
 
 
-def test_a_part_of_a_body_is_blended(tmp_path):
+def test_a_part_of_a_surface_is_a_body(tmp_path):
     inputs = WHOLE[STANDARD].replace("subsurface = 1", "subsurface = 0.5") + "\nfloat inputs:metalness = 0.2"
     scene, messages = drawn(tmp_path, inputs)
-    assert (model_of(scene), messages) == (ir.MaterialModel.BLEND, [])
-    m, row = scene.tables.materials, int(scene.tables.instances.material[0])
-    assert m.values[row, ir.Slot.WEIGHT, 0] == pytest.approx(0.4)
-    assert m.model[m.first[row]] == ir.MaterialModel.OPENPBR
-    assert m.medium[row] == m.medium[m.second[row]] >= 0
+    assert (model_of(scene), messages) == (ir.MaterialModel.OPENPBR, [])
+    assert (slot(scene, "SUBSURFACE_WEIGHT")[0], slot(scene, "METALLIC")[0]) == pytest.approx((0.5, 0.2))
+    assert scene.tables.materials.medium[scene.tables.instances.material[0]] >= 0
+
+
+def test_a_phase_function_of_a_body_is_that_of_its_medium(tmp_path):
+    """It scatters 1/(1 − g) as often for the same body."""
+    scene, messages = drawn(tmp_path, WHOLE[STANDARD] + "\nfloat inputs:subsurface_anisotropy = 0.5", header="metersPerUnit = 1")
+    scattering, absorption = subsurface.coefficients((0.8, 0.4, 0.2), (0.1, 0.05, 0.025))
+    media = scene.tables.media
+    assert (messages, media.anisotropy[0]) == ([], 0.5)
+    assert media.scattering[0] == pytest.approx(2.0 * np.array(scattering), rel=1e-5)
+    assert media.absorption[0] == pytest.approx(absorption, rel=1e-5)
+
+
+def test_glass_with_a_depth_has_a_medium(tmp_path):
+    """Light has the transmission colour after a depth of 2 units of 0.01 m; a tenth of it scatters in each unit of depth."""
+    inputs = """float inputs:transmission = 1
+        color3f inputs:transmission_color = (0.5, 0.25, 1)
+        float inputs:transmission_depth = 2
+        color3f inputs:transmission_scatter = (0.1, 0.1, 0)"""
+    scene, messages = drawn(tmp_path, inputs, header="metersPerUnit = 0.01")
+    assert (model_of(scene), messages) == (ir.MaterialModel.OPENPBR, [])
+    assert (slot(scene, "TRANSMISSION_WEIGHT")[0], slot(scene, "TRANSMISSION_COLOR")) == (1.0, [1, 1, 1])
+    media = scene.tables.media
+    assert media.scattering[0] == pytest.approx([5, 5, 0], rel=1e-5)
+    assert (media.scattering + media.absorption)[0] == pytest.approx([math.log(2) / 0.02, math.log(4) / 0.02, 0.0], rel=1e-5, abs=1e-9)
+
+
+def test_glass_that_splits_light_is_glass(tmp_path):
+    """standard_surface has the Abbe number, of which glass has the 20th part's inverse."""
+    scene, messages = drawn(tmp_path, "float inputs:transmission = 1\nfloat inputs:transmission_dispersion = 40")
+    assert (model_of(scene), messages) == (ir.MaterialModel.GLASS, [])
+    assert (slot(scene, "DISPERSION")[0], slot(scene, "IOR")[0]) == (pytest.approx(0.5), pytest.approx(1.5))
 
 
 def test_a_weight_of_zero_is_no_body(tmp_path):
@@ -59,8 +90,8 @@ def test_a_weight_of_zero_is_no_body(tmp_path):
 
 def test_the_thin_wall_of_a_body_is_a_sheet(tmp_path):
     scene, messages = drawn(tmp_path, WHOLE[STANDARD] + "\nbool inputs:thin_walled = 1")
-    assert (model_of(scene), messages) == (ir.MaterialModel.TRANSLUCENT, [])
-    assert slot(scene, "DIFFUSE") == slot(scene, "DIFFUSE_TRANSMISSION") == pytest.approx([0.4, 0.2, 0.1])
+    assert (model_of(scene), messages) == (ir.MaterialModel.OPENPBR, [])
+    assert (slot(scene, "THIN_WALLED")[0], slot(scene, "SUBSURFACE_COLOR")) == (1.0, pytest.approx([0.8, 0.4, 0.2]))
     assert not len(scene.tables.media.priority)
 
 
@@ -122,20 +153,16 @@ def test_a_subsurface_bsdf_under_a_dielectric_is_a_body_with_a_highlight(tmp_pat
     assert slot(scene, "IOR")[0] == 1.0
 
 
-TOLD = {
-    "float inputs:subsurface = 1\nfloat inputs:subsurface_anisotropy = 0.5": (
-        "the input `subsurface_anisotropy` is not drawn: light scatters evenly inside of bodies"
-    ),
-    "float inputs:subsurface = 1\nfloat inputs:coat = 1": (
-        "the clear coat over a material that scatters light inside or passes it is not drawn"
-    ),
-}
-
-
-@pytest.mark.parametrize("inputs", TOLD)
-def test_what_is_told(tmp_path, inputs):
-    _, messages = drawn(tmp_path, inputs)
-    assert [message.partition("warning: ")[2] for message in messages] == [TOLD[inputs]]
+def test_what_is_told(tmp_path):
+    _, messages = drawn(tmp_path, "float inputs:subsurface = 1\nfloat inputs:transmission = 0.5")
+    message = "a surface that passes light is drawn without its subsurface: a shape is filled by one medium"
+    assert [each.partition("warning: ")[2] for each in messages] == [message]
+    write_image(tmp_path / "p.png", np.array([[[128, 64, 255]]], np.uint8))
+    nodes = bsdf("t", "ND_image_color3", "asset inputs:file = @p.png@")
+    inputs = "float inputs:subsurface = 1\nfloat inputs:coat = 1\ncolor3f inputs:subsurface_color.connect = </m/t.outputs:out>"
+    _, messages = drawn(tmp_path, inputs, nodes=nodes)
+    message = "the clear coat over a body whose colour has a texture is drawn on the rest of the surface alone"
+    assert [each.partition("warning: ")[2] for each in messages] == [message]
 
 
 def test_other_bsdfs_and_loops_are_told(tmp_path):

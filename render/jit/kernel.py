@@ -87,7 +87,7 @@ def make_replace(kind: Any, *names: str) -> Any:
 
 
 def specialize_if_present(function: Callable[..., Any], is_active: Callable[[Any], Any] | None = None) -> Callable[..., Any]:
-    """`select(part, default, …)`: `default` where `part` is absent, else function(part, plain, …).
+    """`select(part, default, …)`: `default` where `part` is absent, else function(part, default, …).
 
     A part is absent if it is None or a NamedTuple without fields; its type decides. So kernels compile only the features that a scene uses.
     General kernels have all features: with `is_active`, they branch to `default` at run time unless is_active(part) for some lane.

@@ -44,30 +44,30 @@ class Spots(NamedTuple):
 
 def build(tables: ir.Tables, row: int) -> Spots | NoSpots:
     """Return the spots of a scene's dome, whose row of emitters is `row`."""
-    found = caustic_casters.bright_spots(tables)
-    if found is None or row < 0:
+    spots = caustic_casters.bright_spots(tables)
+    if spots is None or row < 0:
         return NoSpots()
-    height, width = found.cells.shape
-    bright = np.where(found.cells, found.luminance, 0.0)
-    bright = np.where(found.cells, np.maximum(bright, LEAST * bright[found.cells].mean()), 0.0)
-    share = (bright * found.solid).ravel()
+    height, width = spots.cells.shape
+    bright = np.where(spots.cells, spots.luminance, 0.0)
+    bright = np.where(spots.cells, np.maximum(bright, LEAST * bright[spots.cells].mean()), 0.0)
+    share = (bright * spots.solid).ravel()
     cell = np.flatnonzero(share > 0.0)
     chance = share[cell] / share.sum()
     upto = np.concatenate([[0.0], np.cumsum(chance)])
     upto[-1] = 1.0
-    solid = np.broadcast_to(found.solid, bright.shape).ravel()[cell]
-    frame = [int(tables.lights.transform[found.light])]
-    irradiance = float((np.where(found.cells, found.luminance, 0.0) * found.solid).sum())
+    solid = np.broadcast_to(spots.solid, bright.shape).ravel()[cell]
+    frame = [int(tables.lights.transform[spots.light])]
+    irradiance = float((np.where(spots.cells, spots.luminance, 0.0) * spots.solid).sum())
     matrix, inverse = tables.transforms.matrix[frame], tables.transforms.inverse[frame]
     of_cells = cell // width, cell % width, upto, chance / solid
-    return Spots(matrix, inverse, found.cells.ravel(), *of_cells, width, height, irradiance, row)
+    return Spots(matrix, inverse, spots.cells.ravel(), *of_cells, width, height, irradiance, row)
 
 
 def none() -> Spots:
     """Return spots without cells."""
     frame = np.eye(3, 4)[None]
-    whole = np.array([0.0, 1.0])
-    return Spots(frame, frame, np.zeros(1, bool), np.zeros(1, np.int64), np.zeros(1, np.int64), whole, np.ones(1), 1, 1, 0.0, -1)
+    cumulative = np.array([0.0, 1.0])
+    return Spots(frame, frame, np.zeros(1, bool), np.zeros(1, np.int64), np.zeros(1, np.int64), cumulative, np.ones(1), 1, 1, 0.0, -1)
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------
@@ -88,26 +88,26 @@ def sample(spots: Spots, u: Lane, v: Lane) -> tuple[Vec, Lane]:
 
 
 @helper
-def _emission(spots: Spots, plain: tuple[Vec, Vec], tables: Tables, row: Lane, u: Lane, v: Lane) -> tuple[Vec, Vec]:
-    here = row == spots.row
-    if ops.any_lane(here):
+def _emission(spots: Spots, default: tuple[Vec, Vec], tables: Tables, row: Lane, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+    in_dome = row == spots.row
+    if ops.any_lane(in_dome):
         direction, density = sample(spots, u, v)
         light = ops.scale(lights.background(tables, direction, lights.SHADOWED)[0], 1.0 / ops.maximum(density, lights.TINY))
-        return ops.where3(here, direction, plain[0]), ops.where3(here, light, plain[1])
-    return plain
+        return ops.where3(in_dome, direction, default[0]), ops.where3(in_dome, light, default[1])
+    return default
 
 
 @helper
-def _in_spot(spots: Spots, plain: Lane, row: Lane, direction: Vec) -> Lane:
+def _in_spot(spots: Spots, is_sampled: Lane, row: Lane, direction: Vec) -> Lane:
     height, width = spots.height, spots.width
     x, y, z = ops.normalize(affine.transform_vector(spots.inverse, 0, direction))
     s, t = 0.5 - ops.atan2(x, z) * (0.5 / math.pi), 0.5 - ops.asin(ops.clip(y, -1.0, 1.0)) * (1.0 / math.pi)
     r = ops.maximum(ops.minimum(ops.floor_int(t * height), height - 1), 0)
     c = ops.maximum(ops.minimum(ops.floor_int(s * width), width - 1), 0)
-    return plain & ((row != spots.row) | spots.inside[r * width + c])
+    return is_sampled & ((row != spots.row) | spots.inside[r * width + c])
 
 
 emission = specialize_if_present(_emission)
 """(spots, (direction, light), tables, row, u, v): replaces both for a dome's row by a sample of its spots: radiance over density."""
 only_in_spots = specialize_if_present(_in_spot)
-"""(spots, plain, row, direction): `plain`, for a dome's row only in directions of its spots."""
+"""(spots, is_sampled, row, direction): `is_sampled`, for a dome's row only in directions of its spots."""

@@ -73,25 +73,27 @@ _evaluate_noinline = noinline_helper(_evaluate)
 
 
 @helper
-def textured_radiance(plain: Vec, tables: Tables, emitters: Any, e: Lane, origin: Vec, direction: Vec, distance: Lane) -> Vec:
-    """`plain`, or the radiance of emitters with a texture where a ray from `origin` meets them."""
-    here = ops.bool_like(distance, False) | emitters.textured[e]
-    if ops.any_lane(here):
-        plain = ops.where3(here, _evaluate_noinline(tables, emitters, e, origin, direction, ops.where(here, distance, 1.0)), plain)
-    return plain
+def textured_radiance(radiance: Vec, tables: Tables, emitters: Any, e: Lane, origin: Vec, direction: Vec, distance: Lane) -> Vec:
+    """`radiance`, or the radiance of emitters with a texture where a ray from `origin` meets them."""
+    textured = ops.bool_like(distance, False) | emitters.textured[e]
+    if ops.any_lane(textured):
+        radiance = ops.where3(
+            textured, _evaluate_noinline(tables, emitters, e, origin, direction, ops.where(textured, distance, 1.0)), radiance
+        )
+    return radiance
 
 
 def mean_radiance(tables: ir.Tables, emitters: Any) -> NDArray[np.float64]:
     """(n, 3) radiance of all emitters; of those with a texture the mean over a grid of points."""
-    made, rows = emitters.color.copy(), np.flatnonzero(emitters.textured)
+    means, rows = emitters.color.copy(), np.flatnonzero(emitters.textured)
     if not len(rows):
-        return made
+        return means
     grid = max(2, min(GRID, int(math.sqrt(MOST_POINTS / len(rows)))))
     middles = (np.arange(grid) + 0.5) / grid
     for some in np.array_split(rows, -(-len(rows) * grid * grid // (1 << 16))):
         e = np.repeat(some, grid * grid)
         u, v = np.tile(np.repeat(middles, grid), len(some)), np.tile(middles, grid * len(some))
         point, normal = surface_point(emitters, e, u, v)
-        found = _evaluate(tables, emitters, e, ops.add(point, normal), ops.negate(normal), np.ones(len(e)))
-        made[some] = np.stack(found, -1).reshape(len(some), -1, 3).mean(axis=1)
-    return made
+        radiance = _evaluate(tables, emitters, e, ops.add(point, normal), ops.negate(normal), np.ones(len(e)))
+        means[some] = np.stack(radiance, -1).reshape(len(some), -1, 3).mean(axis=1)
+    return means

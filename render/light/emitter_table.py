@@ -92,10 +92,10 @@ def build(
             )  # fmt: skip
     still = ~moves | (tables.transforms.first_key[instances.transform] < 0)
     for i in np.flatnonzero(_is_emissive(tables) & still & (instances.light < 0)):
-        made = _shape_rows(tables, int(i))
-        if made:
-            first[i], parts[i] = len(rows), made[0].pop("part")
-            rows.extend({name: value for name, value in row.items() if name != "part"} for row in made)
+        shapes = _shape_rows(tables, int(i))
+        if shapes:
+            first[i], parts[i] = len(rows), shapes[0].pop("part")
+            rows.extend({name: value for name, value in row.items() if name != "part"} for row in shapes)
     media, shining = emitting_cells.build(tables, len(rows), moves, general)
     for medium in shining:
         rows.append(
@@ -185,16 +185,16 @@ def _shape_rows(tables: ir.Tables, i: int) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _analytic_rows(found: Emitting, matrix: Any, flips: bool, shared: dict[str, Any]) -> list[dict[str, Any]]:
+def _analytic_rows(shape: Emitting, matrix: Any, flips: bool, shared: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of an analytic shape; none if a transform deforms it so that only BSDF samples find it."""
-    if found.form == "box":
-        return _box_rows(matrix, found.size, shared)
-    if found.form not in _PLAIN:
-        return _round_rows(found, matrix, shared)
+    if shape.form == "box":
+        return _box_rows(matrix, shape.size, shared)
+    if shape.form not in _PLAIN:
+        return _round_rows(shape, matrix, shared)
     even = matrix[:, :3].T @ matrix[:, :3]
-    if found.form == "rectangle" or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
-        return [_surface_row(_PLAIN[found.form], matrix, flips, found.size, **shared, part=0)]
-    return [_ellipsoid_row(matrix[:, :3] * found.size[0], matrix[:, 3], shared)] if found.form == "sphere" else []
+    if shape.form == "rectangle" or np.allclose(even, even[0, 0] * np.eye(3), rtol=0, atol=1e-9 * even[0, 0]):
+        return [_surface_row(_PLAIN[shape.form], matrix, flips, shape.size, **shared, part=0)]
+    return [_ellipsoid_row(matrix[:, :3] * shape.size[0], matrix[:, 3], shared)] if shape.form == "sphere" else []
 
 
 def _ellipsoid_row(axes: Any, place: Any, shared: dict[str, Any]) -> dict[str, Any]:
@@ -219,19 +219,19 @@ def _box_rows(matrix: Any, half: Any, shared: dict[str, Any]) -> list[dict[str, 
     return rows
 
 
-def _round_rows(found: Emitting, matrix: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
+def _round_rows(shape: Emitting, matrix: Any, shared: dict[str, Any]) -> list[dict[str, Any]]:
     """Return side, bottom and top of a tube or cone, or the surface of a torus or capsule; none if a transform deforms it."""
-    even, form, radii = matrix[:, :3].T @ matrix[:, :3], _ROUND[found.form], found.size
+    even, form, radii = matrix[:, :3].T @ matrix[:, :3], _ROUND[shape.form], shape.size
     y = 0 if form in (TORUS, CAPSULE) else 1
     if not np.allclose(even, np.diag([even[0, 0], even[y, y], even[0, 0]]), rtol=0, atol=1e-9 * even[0, 0]):
         return []
     grown, axis, place = math.sqrt(even[0, 0]), matrix[:, 1] / np.linalg.norm(matrix[:, 1]), matrix[:, 3]
-    up = matrix[:, 1] * found.half
+    up = matrix[:, 1] * shape.half
     wide = (grown * radii[0], grown * radii[1])
     area = round_emitters.area(form, wide, float(np.linalg.norm(up)))
-    of_side = shared | {"both": not found.closed or form == TUBE}  # without caps the inside is visible, too
+    of_side = shared | {"both": not shape.closed or form == TUBE}  # without caps the inside is visible, too
     side = _row(kind=form, place=place, side_u=np.array([*wide, 0.0]), side_v=up, normal=axis, area=area, part=0, **of_side)
-    if not found.closed or form in (TORUS, CAPSULE):
+    if not shape.closed or form in (TORUS, CAPSULE):
         return [side]
     caps = [
         _row(kind=DISK, place=place + end * up, side_u=matrix[:, 0] * radius, side_v=matrix[:, 2] * radius, normal=end * axis,
@@ -253,8 +253,8 @@ def _table(tables: ir.Tables, rows: list[dict[str, Any]], first: Any, parts: Any
     kind = columns["kind"]
     shaped = (columns["light"] >= 0) & (kind != SKY) & (np.append(tables.lights.image, -1)[columns["light"]] >= 0)
     marks = (
-        shape_solid_angle.HasLights(int(here.sum())) if here.any() or general else shape_solid_angle.NoLights()
-        for here in (
+        shape_solid_angle.HasLights(int(mask.sum())) if mask.any() or general else shape_solid_angle.NoLights()
+        for mask in (
             (kind == DISK) & columns["square"], kind == TRIANGLE, kind == TUBE, ir.is_in(kind, round_emitters.ROUND[1:]), shaped,
             columns["textured"],
         )
@@ -274,36 +274,38 @@ def widest_angle(tables: ir.Tables, light: int) -> float:
 
 def _peaks(tables: ir.Tables, light: Any, kind: Any) -> NDArray[np.float64]:
     """(n,) the largest factor by direction of each emitter, the mean of its channels; 1 without an image."""
-    made, images = np.ones(len(light)), tables.images
+    peaks, images = np.ones(len(light)), tables.images
     for row in np.flatnonzero((light >= 0) & (kind != SKY)).tolist():
         image = int(tables.lights.image[light[row]])
         if image >= 0:
             first, count = int(images.first[image]), int(images.width[image]) * int(images.height[image])
-            made[row] = images.texels[first : first + count, :3].mean(axis=1, dtype=np.float64).max()
-    return made
+            peaks[row] = images.texels[first : first + count, :3].mean(axis=1, dtype=np.float64).max()
+    return peaks
 
 
-def _build_tree(tables: ir.Tables, of: dict[str, Any], general: bool) -> light_tree.Tree:
+def _build_tree(tables: ir.Tables, columns: dict[str, Any], general: bool) -> light_tree.Tree:
     """Build the light tree over the emitters with a position."""
-    kind, place, u, v = of["kind"], of["place"], of["side_u"], of["side_v"]
+    kind, place, u, v = columns["kind"], columns["place"], columns["side_u"], columns["side_v"]
     round_ = ir.is_in(kind, round_emitters.ROUND)
-    hollow = of["both"] & (kind == CONE)
+    hollow = columns["both"] & (kind == CONE)
     one_side = [(kind == SPHERE) | (kind == ELLIPSOID), round_ & ~hollow]
     shown = np.select(one_side, [0.25, 1.0 / math.pi], 1.0)  # visible share of the area
-    power = of["color"].mean(axis=1) * np.where(of["area"] > 0, of["area"] * shown, 1.0) * _peaks(tables, of["light"], kind)
+    power = (
+        columns["color"].mean(axis=1) * np.where(columns["area"] > 0, columns["area"] * shown, 1.0) * _peaks(tables, columns["light"], kind)
+    )
     far = ir.is_in(kind, _FAR)
     span = np.abs(u) + np.abs(v)
     span = np.where((kind == DISK)[:, None], np.sqrt(u * u + v * v), span)
     span = np.where((kind == SPHERE)[:, None], u[:, :1], span)
-    span = np.where(round_[:, None], round_emitters.extent(kind, u, v, of["normal"]), span)
+    span = np.where(round_[:, None], round_emitters.extent(kind, u, v, columns["normal"]), span)
     low, high = place - span, place + span
     corners = np.stack([place, place + u, place + v])
     low = np.where((kind == TRIANGLE)[:, None], corners.min(axis=0), low)
     high = np.where((kind == TRIANGLE)[:, None], corners.max(axis=0), high)
-    axis = np.where((kind == ELLIPSOID)[:, None], [0.0, 1.0, 0.0], of["normal"])
-    around = of["both"] | ((kind == POINT) & (of["profile"] < 0)) | round_
+    axis = np.where((kind == ELLIPSOID)[:, None], [0.0, 1.0, 0.0], columns["normal"])
+    around = columns["both"] | ((kind == POINT) & (columns["profile"] < 0)) | round_
     edge = np.full(len(kind), 0.5 * math.pi)
-    for row in np.flatnonzero(of["profile"] >= 0).tolist():
-        edge[row] = widest_angle(tables, int(of["light"][row]))
+    for row in np.flatnonzero(columns["profile"] >= 0).tolist():
+        edge[row] = widest_angle(tables, int(columns["light"][row]))
     bounds = light_tree.Bounds(low, high, axis, np.where(around, math.pi, 0.0), edge, power)
     return light_tree.build(power[far], light_tree.Bounds(*(column[~far] for column in bounds)), general)

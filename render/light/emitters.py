@@ -64,9 +64,9 @@ def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, 
     if ops.any_lane(far):
         row = ops.maximum(emitters.light[e], 0)
         half = ops.sin(0.5 * (tables.lights.angle[row] + zero))
-        towards, whole = form_samples.sample_distant(normal, half * half, u, v)
+        towards, distant_angle = form_samples.sample_distant(normal, half * half, u, v)
         direction = ops.where3(far, towards, direction)
-        strength = ops.where(far, whole, strength)
+        strength = ops.where(far, distant_angle, strength)
     light = _shape_light(emitters.wide.profiles, ops.scale(color, strength), tables, emitters, e, direction)
     above = kind == SKY
     if ops.any_lane(above):
@@ -88,21 +88,21 @@ def apply_profile(tables: Tables, emitters: Emitters, e: Lane, cosine: Lane, str
 
 
 @helper
-def _profiled(plain: Vec, tables: Tables, emitters: Emitters, e: Lane, direction: Vec) -> Vec:
-    """Return `plain` times the factors of lights whose emission depends on the direction."""
+def _profiled(radiance: Vec, tables: Tables, emitters: Emitters, e: Lane, direction: Vec) -> Vec:
+    """Return `radiance` times the factors of lights whose emission depends on the direction."""
     light = emitters.light[e]
     listed = (light >= 0) & (emitters.kind[e] != SKY)
     if ops.any_lane(listed):  # otherwise the table of lights may be empty
         row = ops.maximum(light, 0)
         shaped = listed & (tables.lights.image[row] >= 0)
         if ops.any_lane(shaped):
-            plain = ops.where3(shaped, ops.mul(plain, lights.profile(tables, row, direction)), plain)
-    return plain
+            radiance = ops.where3(shaped, ops.mul(radiance, lights.profile(tables, row, direction)), radiance)
+    return radiance
 
 
 _shape_light = shape_solid_angle.specialize_if_some(_profiled)
 shape_radiance = shape_solid_angle.specialize_if_some(emitter_points.textured_radiance)
-"""(mark, plain, …): emitter_points.textured_radiance in scenes with such emitters."""
+"""(mark, radiance, …): emitter_points.textured_radiance in scenes with such emitters."""
 
 
 @helper
@@ -118,21 +118,21 @@ def _plate(emitters: Emitters, e: Lane) -> Plate:
 
 
 @helper
-def _sample_tube(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
-    """Return `plain`, or a sample by solid angle of cylinder sides."""
-    here = emitters.kind[e] == TUBE
-    if ops.any_lane(here):
+def _sample_tube(reached: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
+    """Return `reached`, or a sample by solid angle of cylinder sides."""
+    is_tube = emitters.kind[e] == TUBE
+    if ops.any_lane(is_tube):
         direction, distance, angle, cosine = shape_solid_angle.sample_tube(_tube(emitters, e, way), u, v)
-        plain = form_samples.select(here, plain, Reached(direction, distance, angle, cosine))
-    return plain
+        reached = form_samples.select(is_tube, reached, Reached(direction, distance, angle, cosine))
+    return reached
 
 
 @helper
-def _sample_round(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
-    """Return `plain`, or a sample by area of cones, tori, capsules and ellipsoids."""
+def _sample_round(reached: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane, v: Lane) -> Reached:
+    """Return `reached`, or a sample by area of cones, tori, capsules and ellipsoids."""
     kind = emitters.kind[e]
-    here = round_emitters.is_round(kind) & (kind != TUBE)
-    if ops.any_lane(here):
+    is_round = round_emitters.is_round(kind) & (kind != TUBE)
+    if ops.any_lane(is_round):
         place = round_emitters.point(emitters, e, u, v)
         to = ops.add(way, place)
         squared = ops.maximum(ops.dot(to, to), lights.TINY)
@@ -141,8 +141,8 @@ def _sample_round(plain: Reached, emitters: Emitters, e: Lane, way: Vec, u: Lane
         cosine = -ops.dot(towards, round_emitters.normal(emitters, e, place))
         cosine = ops.where(emitters.both[e], ops.absolute(cosine), ops.maximum(cosine, 0.0))
         angle = round_emitters.area_of(emitters, e, place) * cosine * inverse * inverse
-        plain = form_samples.select(here, plain, Reached(towards, squared * inverse, angle, cosine))
-    return plain
+        reached = form_samples.select(is_round, reached, Reached(towards, squared * inverse, angle, cosine))
+    return reached
 
 
 _sample_wide_disks, _sample_wide_triangles, _sample_tubes, _sample_rounds = (
@@ -176,23 +176,23 @@ def density(emitters: Emitters, e: Lane, origin: Vec, direction: Vec, distance: 
 
 
 @helper
-def _pdf_tube(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec, distance: Lane) -> Lane:
-    here = emitters.kind[e] == TUBE
-    if ops.any_lane(here):
-        plain = ops.where(here, shape_solid_angle.tube_density(_tube(emitters, e, way), direction, distance), plain)
-    return plain
+def _pdf_tube(density: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec, distance: Lane) -> Lane:
+    is_tube = emitters.kind[e] == TUBE
+    if ops.any_lane(is_tube):
+        density = ops.where(is_tube, shape_solid_angle.tube_density(_tube(emitters, e, way), direction, distance), density)
+    return density
 
 
 @helper
-def _pdf_round(plain: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec, distance: Lane) -> Lane:
+def _pdf_round(density: Lane, emitters: Emitters, e: Lane, way: Vec, direction: Vec, distance: Lane) -> Lane:
     kind = emitters.kind[e]
-    here = round_emitters.is_round(kind) & (kind != TUBE)
-    if ops.any_lane(here):
+    is_round = round_emitters.is_round(kind) & (kind != TUBE)
+    if ops.any_lane(is_round):
         place = ops.sub(ops.scale(direction, distance), way)
         cosine = ops.absolute(ops.dot(direction, round_emitters.normal(emitters, e, place)))
         area = round_emitters.area_of(emitters, e, place)
-        plain = ops.where(here, distance * distance / ops.maximum(cosine * area, lights.TINY), plain)
-    return plain
+        density = ops.where(is_round, distance * distance / ops.maximum(cosine * area, lights.TINY), density)
+    return density
 
 
 _pdf_wide_disks, _pdf_wide_triangles, _pdf_tubes, _pdf_rounds = (

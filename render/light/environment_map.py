@@ -57,11 +57,11 @@ def build(
     histograms of what places see of it.
     """
     openings = sky_openings.empty() if general or learns else sky_openings.NoOpenings()
-    found = _build(tables, row, horizon, learns)
-    if general and isinstance(found, Even):
+    sky_map = _build(tables, row, horizon, learns)
+    if general and isinstance(sky_map, Even):
         frame, edges = np.eye(3, 4)[None], np.array([0.0, 1.0])
         return SkyMap(frame, frame, edges, edges, np.zeros(1), 1, 1, 0.0, -1, openings)
-    return found if isinstance(found, Even) else found._replace(openings=openings)
+    return sky_map if isinstance(sky_map, Even) else sky_map._replace(openings=openings)
 
 
 def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, learns: bool) -> SkyMap | Even:
@@ -83,12 +83,12 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, lea
     height, width = bright.shape
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (2.0 * np.pi / width) * (edges[:-1] - edges[1:])[:, None]
-    whole = float(np.sum(bright * solid))
-    more = np.maximum(bright - (0.0 if alone else whole / (4.0 * np.pi)), 0.0)
+    integral = float(np.sum(bright * solid))
+    more = np.maximum(bright - (0.0 if alone else integral / (4.0 * np.pi)), 0.0)
     if horizon is not None:
         more[_below(matrix[0], horizon, height, width)] = 0.0
     total = float(np.sum(more * solid))
-    if not total > EVEN * whole:
+    if not total > EVEN * integral:
         return Even()
     share = more * solid
     columns = np.concatenate([np.zeros((height, 1)), np.cumsum(share, axis=1)], axis=1)
@@ -125,8 +125,8 @@ def _downsample(bright: NDArray[np.float64], most: int) -> NDArray[np.float64]:
         return bright
     upto = np.concatenate([np.zeros((1, bright.shape[1])), np.cumsum(bright, axis=0)])
     edges = np.arange(most + 1) * (count / most)
-    whole = np.minimum(edges.astype(int), count - 1)
-    reached = upto[whole] + (edges - whole)[:, None] * bright[whole]
+    cells = np.minimum(edges.astype(int), count - 1)
+    reached = upto[cells] + (edges - cells)[:, None] * bright[cells]
     return np.maximum(np.diff(reached, axis=0), 0.0) * (most / count)
 
 
@@ -168,8 +168,8 @@ def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     c = search(sky.columns, first, width, v)
     above = sky.rows[r]
     du = ops.clip((u - above) / ops.maximum(sky.rows[r + 1] - above, lights.TINY), 0.0, 1.0)
-    left = sky.columns[first + c]
-    dv = ops.clip((v - left) / ops.maximum(sky.columns[first + c + 1] - left, lights.TINY), 0.0, 1.0)
+    lower = sky.columns[first + c]
+    dv = ops.clip((v - lower) / ops.maximum(sky.columns[first + c + 1] - lower, lights.TINY), 0.0, 1.0)
     top, bottom = ops.cos(ops.to_float(r) * (math.pi / height)), ops.cos(ops.to_float(r + 1) * (math.pi / height))
     y = ops.lerp(top, bottom, du)
     across = ops.sqrt(ops.maximum(1.0 - y * y, 0.0))
@@ -202,10 +202,10 @@ def sample(sky: Any, tables: Tables, place: Vec, u: Lane, v: Lane) -> tuple[Vec,
 
 
 @helper
-def _sample_openings(openings: Any, plain: tuple[Vec, Lane], sky: SkyMap, place: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
-    """(direction, density) of the mixture of the map and the openings; `plain` is the sample of the map alone."""
+def _sample_openings(openings: Any, default: tuple[Vec, Lane], sky: SkyMap, place: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane]:
+    """(direction, density) of the mixture of the map and the openings; `default` is the sample of the map alone."""
     if not openings.share > 0.0:
-        return plain
+        return default
     share = sky_openings.share_at(openings, place)
     through = u < share
     narrowed = ops.where(through, u / openings.share, (u - share) / (1.0 - share))
@@ -214,11 +214,11 @@ def _sample_openings(openings: Any, plain: tuple[Vec, Lane], sky: SkyMap, place:
 
 
 @helper
-def _mixed_density(openings: Any, plain: Lane, place: Vec, direction: Vec) -> Lane:
+def _mixed_density(openings: Any, map_density: Lane, place: Vec, direction: Vec) -> Lane:
     if not openings.share > 0.0:
-        return plain
+        return map_density
     share = sky_openings.share_at(openings, place)
-    return plain + share * (ops.where(share > 0.0, sky_openings.density(openings, place, direction), plain) - plain)
+    return map_density + share * (ops.where(share > 0.0, sky_openings.density(openings, place, direction), map_density) - map_density)
 
 
 _through_openings = specialize_if_present(_sample_openings)

@@ -102,39 +102,39 @@ def sample_plate(plate: Plate, way: Vec, u: Lane, v: Lane) -> Reached:
 
 
 @helper
-def sample_disk(plain: Reached, plate: Plate, way: Vec, u: Lane, v: Lane) -> Reached:
-    """Return `plain`, or a sample by solid angle of near circular disks."""
+def sample_disk(reached: Reached, plate: Plate, way: Vec, u: Lane, v: Lane) -> Reached:
+    """Return `reached`, or a sample by solid angle of near circular disks."""
     wide = (plate.form == DISK) & plate.square & rectangle_solid_angle.is_near(way, plate.area)
     if ops.any_lane(wide):
         seen = _ellipse(plate, way)
         towards, reach, angle = shape_solid_angle.sample_disk(seen, u, v)
         angle = ops.where(_emits_toward(plate, towards), angle, 0.0)
-        plain = select(wide, plain, Reached(towards, reach, angle, ops.dot(towards, seen.toward)))
-    return plain
+        reached = select(wide, reached, Reached(towards, reach, angle, ops.dot(towards, seen.toward)))
+    return reached
 
 
 @helper
-def sample_triangle(plain: Reached, plate: Plate, way: Vec, u: Lane, v: Lane) -> Reached:
-    """Return `plain`, or a sample by solid angle of near triangles."""
-    one, other = _sides(plate, way)
-    wide = (plate.form == TRIANGLE) & shape_solid_angle.fills_much(way, one, other)
+def sample_triangle(reached: Reached, plate: Plate, way: Vec, u: Lane, v: Lane) -> Reached:
+    """Return `reached`, or a sample by solid angle of near triangles."""
+    side_u, side_v = _sides(plate, way)
+    wide = (plate.form == TRIANGLE) & shape_solid_angle.fills_much(way, side_u, side_v)
     if ops.any_lane(wide):
-        seen = shape_solid_angle.corners(way, one, other)
+        seen = shape_solid_angle.corners(way, side_u, side_v)
         towards = shape_solid_angle.sample_triangle(seen, u, v)
         normal = plate.normal
         along = ops.dot(towards, normal)
         reach = ops.dot(way, normal) / ops.where(ops.absolute(along) > lights.TINY, along, lights.TINY)
         angle = ops.where(_emits_toward(plate, towards), seen.solid, 0.0)
-        plain = select(wide, plain, Reached(towards, reach, angle, ops.absolute(along)))
-    return plain
+        reached = select(wide, reached, Reached(towards, reach, angle, ops.absolute(along)))
+    return reached
 
 
 @helper
-def select(here: Lane, plain: Reached, other: Reached) -> Reached:
-    """`other` in the lanes `here`, else `plain`."""
+def select(mask: Lane, default: Reached, other: Reached) -> Reached:
+    """`other` in the lanes `mask`, else `default`."""
     return Reached(
-        ops.where3(here, other.direction, plain.direction), ops.where(here, other.distance, plain.distance),
-        ops.where(here, other.angle, plain.angle), ops.where(here, other.cosine, plain.cosine),
+        ops.where3(mask, other.direction, default.direction), ops.where(mask, other.distance, default.distance),
+        ops.where(mask, other.angle, default.angle), ops.where(mask, other.cosine, default.cosine),
     )  # fmt: skip
 
 
@@ -156,22 +156,22 @@ def ball_density(way: Vec, radius: Lane) -> Lane:
 
 
 @helper
-def disk_density(plain: Lane, plate: Plate, way: Vec, direction: Vec) -> Lane:
-    """Return `plain`, or the density of `sample_disk`."""
+def disk_density(density: Lane, plate: Plate, way: Vec, direction: Vec) -> Lane:
+    """Return `density`, or the density of `sample_disk`."""
     wide = (plate.form == DISK) & plate.square & rectangle_solid_angle.is_near(way, plate.area)
     if ops.any_lane(wide):
-        plain = ops.where(wide, shape_solid_angle.disk_density(_ellipse(plate, way), direction), plain)
-    return plain
+        density = ops.where(wide, shape_solid_angle.disk_density(_ellipse(plate, way), direction), density)
+    return density
 
 
 @helper
-def triangle_density(plain: Lane, plate: Plate, way: Vec) -> Lane:
-    """Return `plain`, or the density of `sample_triangle`."""
-    one, other = _sides(plate, way)
-    wide = (plate.form == TRIANGLE) & shape_solid_angle.fills_much(way, one, other)
+def triangle_density(density: Lane, plate: Plate, way: Vec) -> Lane:
+    """Return `density`, or the density of `sample_triangle`."""
+    side_u, side_v = _sides(plate, way)
+    wide = (plate.form == TRIANGLE) & shape_solid_angle.fills_much(way, side_u, side_v)
     if ops.any_lane(wide):
-        plain = ops.where(wide, 1.0 / shape_solid_angle.corners(way, one, other).solid, plain)
-    return plain
+        density = ops.where(wide, 1.0 / shape_solid_angle.corners(way, side_u, side_v).solid, density)
+    return density
 
 
 @helper

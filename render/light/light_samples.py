@@ -148,12 +148,12 @@ def _intersect_sphere(tables: Tables, light: int, place: Vec, direction: Vec) ->
     way, radius = _ball(tables, light, place)
     squared, middle = ops.dot(way, way), ops.dot(way, direction)
     off = ops.sub(way, ops.scale(direction, middle))
-    left = radius * radius - ops.dot(off, off)
+    discriminant = radius * radius - ops.dot(off, off)
     outside = squared > radius * radius
-    reach = ops.sqrt(ops.maximum(left, 0.0))
+    reach = ops.sqrt(ops.maximum(discriminant, 0.0))
     distance = ops.where(outside, middle - reach, middle + reach)
     solid = 1.0 / form_samples.ball_density(way, radius + 0.0 * squared)
-    hit = (left >= 0.0) & (distance > 0.0)
+    hit = (discriminant >= 0.0) & (distance > 0.0)
     return distance * SHORT, ops.where(hit, solid, 0.0), 0.0 * distance + 1.0
 
 

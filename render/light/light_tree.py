@@ -91,13 +91,13 @@ def _order(near: Bounds, leaves: int) -> NDArray[np.int64]:
     width = leaves
     while width > 1:
         parts = order.reshape(-1, width)
-        there = parts >= 0
-        known = places[np.maximum(parts, 0)]
-        low = np.where(there[..., None], known, np.inf).min(axis=1)
-        high = np.where(there[..., None], known, -np.inf).max(axis=1)
+        exists = parts >= 0
+        emitter_places = places[np.maximum(parts, 0)]
+        low = np.where(exists[..., None], emitter_places, np.inf).min(axis=1)
+        high = np.where(exists[..., None], emitter_places, -np.inf).max(axis=1)
         widest = np.argmax(np.where(np.isfinite(low), high - low, 0.0), axis=1)
-        along = np.take_along_axis(known, widest[:, None, None], axis=2)[..., 0]
-        ranked = np.argsort(np.where(there, along, np.inf), axis=1, kind="stable")
+        along = np.take_along_axis(emitter_places, widest[:, None, None], axis=2)[..., 0]
+        ranked = np.argsort(np.where(exists, along, np.inf), axis=1, kind="stable")
         parts = np.take_along_axis(parts, ranked, axis=1)
         # Both halves get equally many emitters.
         have = (parts >= 0).sum(axis=1)
@@ -114,9 +114,9 @@ def _order(near: Bounds, leaves: int) -> NDArray[np.int64]:
 
 def _leaf_bounds(near: Bounds, order: NDArray[np.int64]) -> Bounds:
     """The bounds of leaves; empty ones have no power and an empty box."""
-    there, k = order >= 0, np.maximum(order, 0)
-    low, high = np.where(there[:, None], near.low[k], np.inf), np.where(there[:, None], near.high[k], -np.inf)
-    return Bounds(low, high, near.axis[k], np.where(there, near.spread[k], 0.0), near.edge[k], np.where(there, near.power[k], 0.0))
+    exists, k = order >= 0, np.maximum(order, 0)
+    low, high = np.where(exists[:, None], near.low[k], np.inf), np.where(exists[:, None], near.high[k], -np.inf)
+    return Bounds(low, high, near.axis[k], np.where(exists, near.spread[k], 0.0), near.edge[k], np.where(exists, near.power[k], 0.0))
 
 
 def _parent_bounds(layer: Bounds) -> Bounds:
@@ -139,19 +139,19 @@ def _cones(a: Bounds, b: Bounds) -> tuple[NDArray[np.float64], NDArray[np.float6
     tangent = np.cross(normal / np.maximum(length, TINY)[:, None], a.axis)
     axis = a.axis * np.cos(turn)[:, None] + tangent * np.sin(turn)[:, None]
     wide = np.where((wide >= math.pi) | (length < 1e-12), math.pi, wide)
-    for one, other in ((a, b), (b, a)):
-        holds = (np.minimum(between + other.spread, math.pi) <= one.spread) | (other.power <= 0)
-        axis, wide = np.where(holds[:, None], one.axis, axis), np.where(holds, one.spread, wide)
+    for outer, inner in ((a, b), (b, a)):
+        holds = (np.minimum(between + inner.spread, math.pi) <= outer.spread) | (inner.power <= 0)
+        axis, wide = np.where(holds[:, None], outer.axis, axis), np.where(holds, outer.spread, wide)
     return axis / np.maximum(np.linalg.norm(axis, axis=1), TINY)[:, None], wide
 
 
 def _node_columns(layer: Bounds) -> NDArray[np.float64]:
-    there = layer.power > 0
-    low, high = (np.where(there[:, None], side, 0.0) for side in (layer.low, layer.high))
+    powered = layer.power > 0
+    low, high = (np.where(powered[:, None], side, 0.0) for side in (layer.low, layer.high))
     radius2 = np.sum((0.5 * (high - low)) ** 2, axis=1)
     cosine = np.where(layer.spread >= math.pi, -1.0, np.cos(layer.spread))
     sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
-    columns = (0.5 * (low + high), radius2, layer.axis, cosine, sine, np.cos(layer.edge), layer.power, np.zeros(len(there)))
+    columns = (0.5 * (low + high), radius2, layer.axis, cosine, sine, np.cos(layer.edge), layer.power, np.zeros(len(powered)))
     return np.column_stack(columns)
 
 
@@ -165,27 +165,27 @@ def choose(tree: Tree, position: Vec, facing: Any, u: Lane) -> tuple[Lane, Lane]
     `facing` is the normal there, 0 for surfaces lit from both sides, or None to ignore the surface, see `facing`.
     """
     most = _total_importance(tree, position, facing) * u
-    found, upto, mine, before = ops.int_like(u, 0), 0.0 * u, 0.0 * u, 0.0 * u
+    chosen, upto, mine, before = ops.int_like(u, 0), 0.0 * u, 0.0 * u, 0.0 * u
     for e in range(len(tree.far)):
-        here = (upto <= most) & (tree.far[e] > 0.0)
-        found, mine, before = ops.where(here, e, found), ops.where(here, tree.far[e], mine), ops.where(here, upto, before)
+        passed = (upto <= most) & (tree.far[e] > 0.0)
+        chosen, mine, before = ops.where(passed, e, chosen), ops.where(passed, tree.far[e], mine), ops.where(passed, upto, before)
         upto = upto + tree.far[e]
     for k in range(tree.tops, 2 * tree.tops):
-        one = _importance(tree.nodes, k, position, facing)
-        here = (upto <= most) & (one > 0.0)
-        found, mine = ops.where(here, k + len(tree.far), found), ops.where(here, one, mine)
-        before = ops.where(here, upto, before)
-        upto = upto + one
+        importance = _importance(tree.nodes, k, position, facing)
+        passed = (upto <= most) & (importance > 0.0)
+        chosen, mine = ops.where(passed, k + len(tree.far), chosen), ops.where(passed, importance, mine)
+        before = ops.where(passed, upto, before)
+        upto = upto + importance
     chance = ops.where(mine > 0.0, mine / ops.maximum(upto, TINY), 0.0)
-    near = (found >= len(tree.far)) & (mine > 0.0)  # without light, no row has been found
+    near = (chosen >= len(tree.far)) & (mine > 0.0)  # without light, no row has been found
     if tree.tops > 0 and ops.any_lane(near):
-        left = ops.clip((most - before) / ops.maximum(mine, TINY), 0.0, 1.0)
-        node = ops.where(near, found - len(tree.far), tree.tops)
-        node, share = _descend(tree, tree.below, node, position, facing, left)
+        remainder = ops.clip((most - before) / ops.maximum(mine, TINY), 0.0, 1.0)
+        node = ops.where(near, chosen - len(tree.far), tree.tops)
+        node, share = _descend(tree, tree.below, node, position, facing, remainder)
         row = tree.rows[node - len(tree.rows)]
-        found = ops.where(near, ops.maximum(row, 0), found)
+        chosen = ops.where(near, ops.maximum(row, 0), chosen)
         chance = ops.where(near, ops.where(row >= 0, chance * share, 0.0), chance)
-    return found, chance
+    return chosen, chance
 
 
 @helper
@@ -196,8 +196,8 @@ def chance(tree: Tree, row: Lane, position: Vec, facing: Any) -> Lane:
     for e in range(len(tree.far)):
         mine = ops.where(row == e, tree.far[e], mine)
     if tree.tops > 0 and ops.any_lane(near):
-        found = _path_importance(tree, tree.below, ops.where(near, tree.leaf[ops.where(near, row, 0)], 0), position, facing)
-        mine = ops.where(near, found, mine)
+        importance = _path_importance(tree, tree.below, ops.where(near, tree.leaf[ops.where(near, row, 0)], 0), position, facing)
+        mine = ops.where(near, importance, mine)
     return mine / ops.maximum(_total_importance(tree, position, facing), TINY)
 
 
@@ -212,13 +212,13 @@ def _total_importance(tree: Tree, position: Vec, facing: Any) -> Lane:
 
 
 @helper
-def _weigh_by_cosine(facing: Vec, plain: Lane, away: Vec, inverse: Lane, cos_ball: Lane, sin_ball: Lane, inside: Lane) -> Lane:
+def _weigh_by_cosine(facing: Vec, importance: Lane, away: Vec, inverse: Lane, cos_ball: Lane, sin_ball: Lane, inside: Lane) -> Lane:
     """Importance times the greatest cosine at the surface over a node's ball."""
     cosine = ops.clip(-ops.dot(away, facing) * inverse, -1.0, 1.0)
     sine = ops.sqrt(ops.maximum(1.0 - cosine * cosine, 0.0))
     most = ops.where((cosine >= cos_ball) | inside, 1.0, cosine * cos_ball + sine * sin_ball)
     share = ops.where(most >= -SLACK, ops.maximum(most, SLACK), 0.0)
-    return plain * ops.where(ops.dot(facing, facing) > 0.5, share, 1.0)
+    return importance * ops.where(ops.dot(facing, facing) > 0.5, share, 1.0)
 
 
 _with_cosine = specialize_if_present(_weigh_by_cosine)
@@ -243,8 +243,8 @@ def _importance(nodes: Any, k: Lane, position: Vec, facing: Any) -> Lane:
     cos_ball, sin_ball = ops.sqrt(1.0 - sin_ball2), ops.sqrt(sin_ball2)
     off = ops.where((off >= cos_ball) | (squared <= radius2), 1.0, off * cos_ball + off_sine * sin_ball)
     shining = off >= cos_edge - SLACK
-    given = ops.where(shining, power * ops.maximum(off, SLACK) / near, 0.0)
-    return _with_cosine(facing, given, away, inverse, cos_ball, sin_ball, squared <= radius2)
+    importance = ops.where(shining, power * ops.maximum(off, SLACK) / near, 0.0)
+    return _with_cosine(facing, importance, away, inverse, cos_ball, sin_ball, squared <= radius2)
 
 
 def _descend(tree: Tree, below: Any, node: Lane, position: Vec, facing: Any, u: Lane) -> tuple[Lane, Lane]:

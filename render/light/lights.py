@@ -172,22 +172,22 @@ def background(tables: Tables, direction: Vec, which: int = ALL) -> tuple[Vec, b
     """(radiance, whether any exist) of the skies and domes selected by `which` in a direction."""
     zero = 0.0 * direction[0]
     total = (zero, zero, zero)
-    there = False
+    exists = False
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
         if light_kinds.is_sky(kind) and (which == ALL or tables.lights.shadows[light] == (which == SHADOWED)):
             total = ops.add(total, sky_radiance(tables, light, direction))
-            there = True
-    return total, there
+            exists = True
+    return total, exists
 
 
 @helper
 def has_ambient(tables: Tables) -> bool:
     """Whether any light is ambient."""
-    found = False
+    any_ambient = False
     for light in range(len(tables.lights.kind)):
-        found = found or light_kinds.is_ambient(tables.lights.kind[light])
-    return found
+        any_ambient = any_ambient or light_kinds.is_ambient(tables.lights.kind[light])
+    return any_ambient
 
 
 @helper

@@ -40,17 +40,17 @@ def of(tables: ir.Tables) -> Links | Unlinked:
 
 
 @helper
-def _bits_of(links: Any, plain: Any, tables: Tables, point: Surface) -> Lane:
+def _bits_of(links: Any, default: Any, tables: Tables, point: Surface) -> Lane:
     return ops.int_like(point.offset, 0) + tables.instances.visible[point.instance]
 
 
 @helper
-def _bits_of_eye(links: Any, plain: Any, like: Lane) -> Lane:
+def _bits_of_eye(links: Any, default: Any, like: Lane) -> Lane:
     return ops.int_like(like, ALL)
 
 
 @helper
-def _bits_beyond(links: Any, plain: Any, tables: Tables, point: Surface, before: Lane, straight: Lane) -> Lane:
+def _bits_beyond(links: Any, default: Any, tables: Tables, point: Surface, before: Lane, straight: Lane) -> Lane:
     return ops.where(straight, before, _bits_of(links, None, tables, point))
 
 
@@ -65,27 +65,27 @@ def _receives_lamp(links: Any, active: Lane, light: Lane, bits: Lane) -> Lane:
 
 
 @helper
-def _background(links: Any, plain: Vec, tables: Tables, direction: Vec, which: int, bits: Lane) -> Vec:
+def _background(links: Any, default: Vec, tables: Tables, direction: Vec, which: int, bits: Lane) -> Vec:
     zero = 0.0 * direction[0]
     total = (zero, zero, zero)
     for light in range(len(tables.lights.kind)):
         kind = tables.lights.kind[light]
         if light_kinds.is_sky(kind) and (which == lights.ALL or tables.lights.shadows[light] == (which == lights.SHADOWED)):
-            here = _receives(links, ops.bool_like(zero, True), light, bits)
-            total = ops.where3(here, ops.add(total, lights.sky_radiance(tables, light, direction)), total)
+            received = _receives(links, ops.bool_like(zero, True), light, bits)
+            total = ops.where3(received, ops.add(total, lights.sky_radiance(tables, light, direction)), total)
     return total
 
 
 @helper
-def _ambient(links: Any, plain: Vec, tables: Tables, like: Lane, bits: Lane) -> Vec:
+def _ambient(links: Any, default: Vec, tables: Tables, like: Lane, bits: Lane) -> Vec:
     zero = 0.0 * like
     total = (zero, zero, zero)
     for light in range(len(tables.lights.kind)):
         if light_kinds.is_ambient(tables.lights.kind[light]):
-            here = _receives(links, ops.bool_like(zero, True), light, bits)
+            received = _receives(links, ops.bool_like(zero, True), light, bits)
             color = tables.lights.color
-            given = (total[0] + color[light, 0], total[1] + color[light, 1], total[2] + color[light, 2])
-            total = ops.where3(here, given, total)
+            increased = (total[0] + color[light, 0], total[1] + color[light, 1], total[2] + color[light, 2])
+            total = ops.where3(received, increased, total)
     return total
 
 
@@ -100,6 +100,6 @@ receives = specialize_if_present(_receives)
 receives_lamp = specialize_if_present(_receives_lamp)
 """(links, active, light, bits): as `receives`; a light of -1 is an emissive shape, which lights all surfaces."""
 background = specialize_if_present(_background)
-"""(links, plain, tables, direction, which, bits): the radiance of the skies that light surfaces, `plain` being that of all skies."""
+"""(links, default, tables, direction, which, bits): the radiance of the skies that light surfaces, `default` being that of all skies."""
 ambient = specialize_if_present(_ambient)
-"""(links, plain, tables, like, bits): the ambient light of surfaces, `plain` being that of all ambient lights."""
+"""(links, default, tables, like, bits): the ambient light of surfaces, `default` being that of all ambient lights."""

@@ -43,10 +43,10 @@ def extent(kind: Any, side_u: Any, side_v: Any, axis: Any) -> Any:
     around = np.sqrt(np.maximum(1.0 - axis**2, 0.0))  # of a circle around an axis
     a, b = side_u[:, :1], side_u[:, 1:2]
     shape = kind[:, None]
-    found = np.abs(side_v) + np.where(shape == CONE, np.maximum(a, b), a) * around
-    found = np.where(shape == TORUS, b + a * around, found)
-    found = np.where(shape == CAPSULE, np.abs(side_v) + a, found)
-    return np.where(shape == ELLIPSOID, np.sqrt(side_u**2 + side_v**2 + axis**2), found)
+    half_extent = np.abs(side_v) + np.where(shape == CONE, np.maximum(a, b), a) * around
+    half_extent = np.where(shape == TORUS, b + a * around, half_extent)
+    half_extent = np.where(shape == CAPSULE, np.abs(side_v) + a, half_extent)
+    return np.where(shape == ELLIPSOID, np.sqrt(side_u**2 + side_v**2 + axis**2), half_extent)
 
 
 @helper
@@ -84,13 +84,13 @@ def point(emitters: Any, e: Lane, u: Lane, v: Lane) -> Vec:
     s, t = ops.basis(axis)
     angle = 2.0 * math.pi * v
     across = ops.add(ops.scale(s, radius * ops.cos(angle)), ops.scale(t, radius * ops.sin(angle)))
-    found = ops.add(across, ops.scale(axis, along))
+    position = ops.add(across, ops.scale(axis, along))
     stretched = kind == ELLIPSOID
     if ops.any_lane(stretched):
         x, y, z = lights.cone_direction(ops.like3(u, 0.0, 0.0, 1.0), 2.0 * u, v)
-        of = _axes(emitters, e, zero)
-        found = ops.where3(stretched, ops.add(ops.scale(of[0], x), ops.add(ops.scale(of[1], y), ops.scale(of[2], z))), found)
-    return found
+        axes = _axes(emitters, e, zero)
+        position = ops.where3(stretched, ops.add(ops.scale(axes[0], x), ops.add(ops.scale(axes[1], y), ops.scale(axes[2], z))), position)
+    return position
 
 
 @helper
@@ -107,20 +107,20 @@ def normal(emitters: Any, e: Lane, place: Vec) -> Vec:
     on_side = ops.add(ops.scale(outward, 2.0 * half), ops.scale(axis, lean))
     on_torus = ops.add(ops.scale(outward, radius - a), ops.scale(axis, along))
     on_capsule = ops.add(across, ops.scale(axis, along - ops.clip(along, 0.0 - half, half)))
-    found = ops.where3(kind == TORUS, on_torus, ops.where3(kind == CAPSULE, on_capsule, on_side))
+    direction = ops.where3(kind == TORUS, on_torus, ops.where3(kind == CAPSULE, on_capsule, on_side))
     if ops.any_lane(kind == ELLIPSOID):
-        found = ops.where3(kind == ELLIPSOID, _stretched_normal(emitters, e, place), found)
-    return ops.scale(found, 1.0 / ops.maximum(ops.length(found), lights.TINY))
+        direction = ops.where3(kind == ELLIPSOID, _stretched_normal(emitters, e, place), direction)
+    return ops.scale(direction, 1.0 / ops.maximum(ops.length(direction), lights.TINY))
 
 
 @helper
 def area_of(emitters: Any, e: Lane, place: Vec) -> Lane:
     """One over the probability density by area of a point of emitter e, given from its center."""
-    found = emitters.area[e] + 0.0 * place[0]
+    area = emitters.area[e] + 0.0 * place[0]
     stretched = emitters.kind[e] == ELLIPSOID
     if ops.any_lane(stretched):
-        found = ops.where(stretched, 4.0 * math.pi * ops.length(_stretched_normal(emitters, e, place)), found)
-    return found
+        area = ops.where(stretched, 4.0 * math.pi * ops.length(_stretched_normal(emitters, e, place)), area)
+    return area
 
 
 @helper
@@ -128,11 +128,11 @@ def _stretched_normal(emitters: Any, e: Lane, place: Vec) -> Vec:
     """The outward normal of an ellipsoid, as long as the transform's stretch of area there."""
     u, v, w = _axes(emitters, e, 0.0 * place[0])
     vw, wu, uv = ops.cross(v, w), ops.cross(w, u), ops.cross(u, v)
-    whole = ops.dot(u, vw)
-    inverse = 1.0 / ops.where(ops.absolute(whole) > lights.TINY, whole, lights.TINY)
+    volume = ops.dot(u, vw)
+    inverse = 1.0 / ops.where(ops.absolute(volume) > lights.TINY, volume, lights.TINY)
     x, y, z = ops.dot(vw, place) * inverse, ops.dot(wu, place) * inverse, ops.dot(uv, place) * inverse
-    found = ops.add(ops.scale(vw, x), ops.add(ops.scale(wu, y), ops.scale(uv, z)))
-    return ops.scale(found, ops.sign_of(whole))
+    scaled_normal = ops.add(ops.scale(vw, x), ops.add(ops.scale(wu, y), ops.scale(uv, z)))
+    return ops.scale(scaled_normal, ops.sign_of(volume))
 
 
 @helper

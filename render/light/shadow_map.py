@@ -50,15 +50,15 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     cube = maps.count[light] == 6
     parallel = light_kinds.is_distant(tables.lights.kind[light])
     if cube:
-        lamp = tables.lights.position
-        row = row + _side(ops.sub(p, (lamp[light, 0] + zero, lamp[light, 1] + zero, lamp[light, 2] + zero)))
-    at = affine.transform_point12(affine.load12(maps.matrix, row), p)
+        positions = tables.lights.position
+        row = row + _side(ops.sub(p, (positions[light, 0] + zero, positions[light, 1] + zero, positions[light, 2] + zero)))
+    projected = affine.transform_point12(affine.load12(maps.matrix, row), p)
     size = ops.to_float(maps.size[row])
-    depth = at[2]
+    depth = projected[2]
     w = zero + 1.0 if parallel else depth
     ahead = w > 0.0
     safe = ops.where(ahead, w, 1.0)
-    x, y = at[0] / safe, at[1] / safe
+    x, y = projected[0] / safe, projected[1] / safe
     inside = ahead & (x > 0.0) & (y > 0.0) & (x < size) & (y < size)
     x, y = ops.clip(x, 0.0, size), ops.clip(y, 0.0, size)
     # the plane through the point: m · (x, y, 1) / m · (px, py, 1) = depth / D, or m · (x, y, D) constant, with m = A⁻ᵀ n
@@ -72,15 +72,15 @@ def lit(maps: Any, tables: Tables, light: int, point: Surface) -> Lane:
     right, down = mx / steep, my / steep
     wide = maps.texel[row] * (zero + 1.0 if parallel else key)  # a texel's width there, in keys
     rounding = ROUNDING * abs(key)
-    left, top = ops.floor_int(x - 0.5) - 1, ops.floor_int(y - 0.5) - 1
-    fx, fy = x - 0.5 - ops.to_float(left + 1), y - 0.5 - ops.to_float(top + 1)
+    first_column, first_row = ops.floor_int(x - 0.5) - 1, ops.floor_int(y - 0.5) - 1
+    fx, fy = x - 0.5 - ops.to_float(first_column + 1), y - 0.5 - ops.to_float(first_row + 1)
     last = maps.size[row] - 1
     open_ = zero
     for j in range(4):
-        ty = ops.minimum(ops.maximum(top + j, 0), last)
+        ty = ops.minimum(ops.maximum(first_row + j, 0), last)
         wy = 1.0 - fy if j == 0 else (fy if j == 3 else zero + 1.0)
         for i in range(4):
-            tx = ops.minimum(ops.maximum(left + i, 0), last)
+            tx = ops.minimum(ops.maximum(first_column + i, 0), last)
             wx = 1.0 - fx if i == 0 else (fx if i == 3 else zero + 1.0)
             texel = maps.start[row] + ty * (last + 1) + tx
             nearest, whose = ops.to_float(maps.key[texel]), ops.to_int(maps.instance[texel])

@@ -46,16 +46,16 @@ class Wide(NamedTuple):
 
 
 def specialize_if_some(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `chosen(mark, plain, …)`: `plain` in scenes without such emitters, else function(plain, …)."""
+    """Return `chosen(mark, default, …)`: `default` in scenes without such emitters, else function(default, …)."""
 
-    def chosen(mark: Any, plain: Any, *of: Any) -> Any:
-        return function(plain, *of) if isinstance(mark, HasLights) else plain
+    def chosen(mark: Any, default: Any, *arguments: Any) -> Any:
+        return function(default, *arguments) if isinstance(mark, HasLights) else default
 
     @overload(chosen)
-    def _in_kernels(mark, plain, *of):
+    def _in_kernels(mark, default, *arguments):
         if mark.layout:
-            return lambda mark, plain, *of: function(plain, *of)
-        return lambda mark, plain, *of: plain
+            return lambda mark, default, *arguments: function(default, *arguments)
+        return lambda mark, default, *arguments: default
 
     return chosen
 
@@ -89,9 +89,9 @@ def ellipse(way: Vec, normal: Vec, radius: Lane) -> Ellipse:
     height = ops.maximum(ops.absolute(off), 1e-6 * radius)
     flat = ops.sub(way, ops.scale(toward, ops.absolute(off)))
     aside2 = ops.dot(flat, flat)
-    there = aside2 > 1e-12 * radius * radius
-    aside = ops.where(there, ops.sqrt(ops.where(there, aside2, 1.0)), 0.0)
-    side = ops.where3(there, ops.scale(flat, 1.0 / ops.where(there, aside, 1.0)), ops.basis(toward)[0])
+    off_axis = aside2 > 1e-12 * radius * radius
+    aside = ops.where(off_axis, ops.sqrt(ops.where(off_axis, aside2, 1.0)), 0.0)
+    side = ops.where3(off_axis, ops.scale(flat, 1.0 / ops.where(off_axis, aside, 1.0)), ops.basis(toward)[0])
     near, far = aside - radius, aside + radius
     to_near, to_far = ops.sqrt(near * near + height * height), ops.sqrt(far * far + height * height)
     both = to_near * to_far
@@ -299,8 +299,8 @@ def sample_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
 @noinline_helper
 def tube_density(seen: Tube, direction: Vec, distance: Lane) -> Lane:
     """Return the solid angle density of `draw_tube`."""
-    met = ops.sub(ops.scale(direction, distance), seen.aside)
-    out = ops.sub(met, ops.scale(seen.axis, ops.dot(met, seen.axis)))
+    point = ops.sub(ops.scale(direction, distance), seen.aside)
+    out = ops.sub(point, ops.scale(seen.axis, ops.dot(point, seen.axis)))
     out = ops.scale(out, 1.0 / seen.radius)
     inside = _inverse_density_inside(seen, out, direction, distance * distance)
     angle = ops.where(seen.outside, _inverse_density_through(seen, direction), inside)

@@ -44,10 +44,10 @@ def empty() -> Openings:
 
 def make(low: NDArray[np.float64], high: NDArray[np.float64], weights: NDArray[np.float64], share: float, seen: float = 1.0) -> Openings:
     """Make the histogram of the weights (FACES · SIDE, SIDE) of cells; without any, `share` is 0."""
-    whole = float(weights.sum())
-    if not whole > 0.0:
-        weights, whole, share = np.ones_like(weights), float(weights.size), 0.0
-    columns = np.concatenate([np.zeros((len(weights), 1)), np.cumsum(weights / whole, axis=1)], axis=1)
+    total = float(weights.sum())
+    if not total > 0.0:
+        weights, total, share = np.ones_like(weights), float(weights.size), 0.0
+    columns = np.concatenate([np.zeros((len(weights), 1)), np.cumsum(weights / total, axis=1)], axis=1)
     rows = np.concatenate([[0.0], np.cumsum(columns[:, -1])])
     last = columns[:, -1:]
     columns = np.where(last > 0.0, columns / np.where(last > 0.0, last, 1.0), np.arange(SIDE + 1) / SIDE)
@@ -81,19 +81,19 @@ def share_at(openings: Openings, place: Vec) -> Lane:
 def sample(openings: Openings, place: Vec, u: Lane, v: Lane) -> Vec:
     """Sample a direction from a place in the box by two numbers in [0, 1)."""
     r = search(openings.rows, ops.int_like(u, 0), FACES * SIDE, u)
-    left = r * (SIDE + 1)
-    c = search(openings.columns, left, SIDE, v)
+    first = r * (SIDE + 1)
+    c = search(openings.columns, first, SIDE, v)
     below, above = openings.rows[r], openings.rows[r + 1]
     du = ops.clip((u - below) / ops.maximum(above - below, TINY), 0.0, 1.0)
-    below, above = openings.columns[left + c], openings.columns[left + c + 1]
+    below, above = openings.columns[first + c], openings.columns[first + c + 1]
     dv = ops.clip((v - below) / ops.maximum(above - below, TINY), 0.0, 1.0)
     face = ops.floor_int((ops.to_float(r) + 0.5) * (1.0 / SIDE))
     axis = ops.floor_int((ops.to_float(face) + 0.5) * 0.5)
     over = ops.to_float(face - 2 * axis)
     along, across = (ops.to_float(r - face * SIDE) + du) * (1.0 / SIDE), (ops.to_float(c) + dv) * (1.0 / SIDE)
-    at = ops.where3(axis == 0, (over, along, across), ops.where3(axis == 1, (across, over, along), (along, across, over)))
+    on_face = ops.where3(axis == 0, (over, along, across), ops.where3(axis == 1, (across, over, along), (along, across, over)))
     low, high = openings.low, openings.high
-    point = (ops.lerp(low[0], high[0], at[0]), ops.lerp(low[1], high[1], at[1]), ops.lerp(low[2], high[2], at[2]))
+    point = (ops.lerp(low[0], high[0], on_face[0]), ops.lerp(low[1], high[1], on_face[1]), ops.lerp(low[2], high[2], on_face[2]))
     return ops.normalize(ops.sub(point, place))
 
 
@@ -109,15 +109,15 @@ def density(openings: Openings, place: Vec, direction: Vec) -> Lane:
     on_x, on_y = tx <= t, ty <= t
     along, across = ops.where(on_x, y, ops.where(on_y, z, x)), ops.where(on_x, z, ops.where(on_y, x, y))
     towards = ops.where(on_x, direction[0], ops.where(on_y, direction[1], direction[2]))
-    one = ops.int_like(t, 1)
-    face = ops.where(on_x, 0 * one, ops.where(on_y, 2 * one, 4 * one)) + ops.where(towards > 0.0, one, 0 * one)
+    unit = ops.int_like(t, 1)
+    face = ops.where(on_x, 0 * unit, ops.where(on_y, 2 * unit, 4 * unit)) + ops.where(towards > 0.0, unit, 0 * unit)
     r = face * SIDE + ops.minimum(ops.floor_int(along * SIDE), SIDE - 1)
     c = ops.minimum(ops.floor_int(across * SIDE), SIDE - 1)
-    left = r * (SIDE + 1) + c
-    here = (openings.rows[r + 1] - openings.rows[r]) * (openings.columns[left + 1] - openings.columns[left])
+    element = r * (SIDE + 1) + c
+    probability = (openings.rows[r + 1] - openings.rows[r]) * (openings.columns[element + 1] - openings.columns[element])
     sx, sy, sz = high[0] - low[0], high[1] - low[1], high[2] - low[2]
     area = ops.where(on_x, sy * sz + 0.0 * t, ops.where(on_y, sz * sx + 0.0 * t, sx * sy + 0.0 * t)) * (1.0 / (SIDE * SIDE))
-    return here * t * t / ops.maximum(ops.absolute(towards) * area, TINY)
+    return probability * t * t / ops.maximum(ops.absolute(towards) * area, TINY)
 
 
 @helper

@@ -34,7 +34,7 @@ def build(tables: ir.Tables) -> np.ndarray:
 
 
 @helper
-def sample(table: Any, wanted: Lane, ray: Any, t: Lane, v: Lane, key: tracking.Key) -> tuple[Lane, Lane, Lane]:
+def sample(table: Any, active: Lane, ray: Any, t: Lane, v: Lane, key: tracking.Key) -> tuple[Lane, Lane, Lane]:
     """(where distances are sampled in both ways, density of equi-angular samples there, the distance).
 
     Half of the samples keep their distance `t`; the density is that around the light which was chosen.
@@ -42,7 +42,7 @@ def sample(table: Any, wanted: Lane, ray: Any, t: Lane, v: Lane, key: tracking.K
     origin, direction, near, far = ray
     count = len(table.aims)
     none = ops.bool_like(near, False)
-    if count == 0 or key.depth > DEEPEST or ops.not_(ops.any_lane(wanted)):
+    if count == 0 or key.depth > DEEPEST or ops.not_(ops.any_lane(active)):
         return none, 0.0 * near, t
     w, which = tracking.numbers(key, 1)
     row = ops.int_like(near, 0)
@@ -57,7 +57,7 @@ def sample(table: Any, wanted: Lane, ray: Any, t: Lane, v: Lane, key: tracking.K
     angle = begin + (end - begin) * w
     angle = ops.clip(angle, -1.5707, 1.5707)
     turned = middle + apart * ops.sin(angle) / ops.maximum(ops.cos(angle), 1e-7)
-    aimed = wanted & (end > begin)
+    aimed = active & (end > begin)
     t = ops.where(aimed & (v < 0.5), ops.clip(turned, near, far), t)
     away = t - middle
     density = apart / (ops.maximum(end - begin, 1e-9) * (apart * apart + away * away))

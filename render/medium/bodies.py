@@ -36,22 +36,23 @@ def none(count: int, general: bool) -> Bodies | NoBodies:
 
 
 @helper
-def _coefficients(bodies: Any, plain: tuple[Vec, Vec], number: Lane, body: Body) -> tuple[Vec, Vec]:
+def _coefficients(bodies: Any, default: tuple[Vec, Vec], number: Lane, body: Body) -> tuple[Vec, Vec]:
     red, green, blue, _ = row_gather.four_at(bodies.radius, number)
     varies = red > 0.0
     if ops.not_(ops.any_lane(varies)):
-        return plain
+        return default
     r, back_r = subsurface_inversion.channel(body[0], body[3] * red)
     g, back_g = subsurface_inversion.channel(body[1], body[3] * green)
     b, back_b = subsurface_inversion.channel(body[2], body[3] * blue)
-    return ops.where3(varies, (r, g, b), plain[0]), ops.where3(varies, (back_r, back_g, back_b), plain[1])
+    return ops.where3(varies, (r, g, b), default[0]), ops.where3(varies, (back_r, back_g, back_b), default[1])
 
 
 @helper
-def _choose(first: Body, second: Body, taken: Lane) -> Body:
+def _choose(first: Body, second: Body, takes_first: Lane) -> Body:
     return (
-        ops.where(taken, first[0], second[0]), ops.where(taken, first[1], second[1]), ops.where(taken, first[2], second[2]),
-        ops.where(taken, first[3], second[3]),
+        ops.where(takes_first, first[0], second[0]), ops.where(takes_first, first[1], second[1]),
+        ops.where(takes_first, first[2], second[2]),
+        ops.where(takes_first, first[3], second[3]),
     )  # fmt: skip
 
 

@@ -72,26 +72,26 @@ def column(height: Lane, slope: Lane, top: Lane, falloff: Lane, distance: Lane) 
         return distance
     below, cross = _lengths(height, slope, top)
     first = ops.minimum(distance, cross)
-    rest = ops.where(distance > cross, distance - ops.where(cross < math.inf, cross, 0.0), 0.0)
-    under, over = ops.where(below, first, rest), ops.where(below, rest, first)
+    beyond = ops.where(distance > cross, distance - ops.where(cross < math.inf, cross, 0.0), 0.0)
+    under, over = ops.where(below, first, beyond), ops.where(below, beyond, first)
     start = ops.where(below, 0.0, height - top)
     return under + ops.where(over > 0.0, _above(start, slope, falloff, over), 0.0)
 
 
 @helper
-def distance_of(height: Lane, slope: Lane, top: Lane, falloff: Lane, wanted: Lane) -> Lane:
-    """The distance whose column is `wanted`; inf where the whole ray has less."""
+def distance_of(height: Lane, slope: Lane, top: Lane, falloff: Lane, target: Lane) -> Lane:
+    """The distance whose column is `target`; inf where the whole ray has less."""
     if ops.not_(ops.any_lane(top < math.inf)):
-        return wanted
+        return target
     below, cross = _lengths(height, slope, top)
     crosses = cross < math.inf
     finite = ops.where(crosses, cross, 0.0)
     zero = 0.0 * height
-    up = ops.where(wanted <= cross, wanted, finite + _above_inverse(zero, slope, falloff, ops.maximum(wanted - finite, 0.0)))
+    up = ops.where(target <= cross, target, finite + _above_inverse(zero, slope, falloff, ops.maximum(target - finite, 0.0)))
     over = ops.where(below, zero, height - top)
     before = ops.where(crosses, _above(over, slope, falloff, finite), ops.full_like(height, math.inf))
-    under = finite + (wanted - ops.where(crosses, before, 0.0))
-    down = ops.where(wanted <= before, _above_inverse(over, slope, falloff, wanted), under)
+    under = finite + (target - ops.where(crosses, before, 0.0))
+    down = ops.where(target <= before, _above_inverse(over, slope, falloff, target), under)
     return ops.where(below, up, down)
 
 

@@ -169,7 +169,7 @@ def _cells(row: np.ndarray, first: int, rows: list[Any]) -> Cells:
 
 
 @helper
-def _some(cells: Any, plain: bool) -> bool:
+def _some(cells: Any, default: bool) -> bool:
     return len(cells.boxes) > 1
 
 

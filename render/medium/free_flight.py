@@ -50,7 +50,7 @@ def _pick(parts: Vec, u: Lane, first: Vec, second: Vec) -> tuple[Lane, Lane, Lan
 
 @helper
 def _fly(
-    table: Any, plain: Flight, tables: Tables, number: Lane, origin: Vec, direction: Vec, near: Lane, far: Lane, weight: Vec, key: Any
+    table: Any, default: Flight, tables: Tables, number: Lane, origin: Vec, direction: Vec, near: Lane, far: Lane, weight: Vec, key: Any
 ) -> Flight:  # fmt: skip
     """The flight from `near` to `far` in the media of these numbers; 0 is air. `key` is a tracking.Key of random numbers."""
     zero = 0.0 * near
@@ -94,10 +94,10 @@ def _sample_distance(
     absent = (1.0 - passed[0], 1.0 - passed[1], 1.0 - passed[2])
     parts = ops.scale(ops.mul(chance, absent), 1.0 / ops.maximum(scatters, 1e-30))
     sigma, lost, u = _pick(parts, ops.where(scattered, u / ops.maximum(often, 1e-30), 0.0), extinction, absent)
-    wanted = ops.where(scattered, -ops.log(ops.maximum(1.0 - u * lost, 1e-30)) / ops.maximum(sigma, 1e-30), 0.0)
+    target = ops.where(scattered, -ops.log(ops.maximum(1.0 - u * lost, 1e-30)) / ops.maximum(sigma, 1e-30), 0.0)
     height, slope = origin[1] + near * direction[1], direction[1]
     top, falloff = 0.0 * near + table.top[number], 0.0 * near + table.falloff[number]
-    t = near + column.distance_of(height, slope, top, falloff, ops.minimum(wanted, length))
+    t = near + column.distance_of(height, slope, top, falloff, ops.minimum(target, length))
     aimed, density, t = aims.sample(table, scattered & table.aimed[number], ray, t, v, key)
     t = ops.where(scattered, ops.where(t < far, t, ops.where(far < math.inf, far, near)), near)
     before = _attenuated(extinction, column.column(height, slope, top, falloff, t - near))
@@ -113,7 +113,7 @@ fly = specialize_if_present(_fly)
 
 
 @helper
-def _transmit(table: Any, plain: Vec, tables: Tables, number: Lane, origin: Vec, direction: Vec, near: Lane, far: Lane, key: Any) -> Vec:
+def _transmit(table: Any, default: Vec, tables: Tables, number: Lane, origin: Vec, direction: Vec, near: Lane, far: Lane, key: Any) -> Vec:
     """The share of light in red, green and blue that passes from `near` to `far`; of densities by a formula an unbiased estimate."""
     zero = 0.0 * near
     sigma_r, sigma_g, sigma_b, _ = row_gather.four_at(table.extinction, number)
@@ -131,8 +131,8 @@ transmit = specialize_if_present(_transmit)
 def scattering_at(table: Any, tables: Tables, number: Lane, place: Vec, body: Any) -> Vec:
     """The scattering coefficient per metre of the media of these numbers at a place."""
     red, green, blue, _ = row_gather.four_at(table.scattering, number)
-    plain = column.density_at(place[1], 0.0 * place[1] + table.top[number], 0.0 * place[1] + table.falloff[number])
-    density = tracking.density_at_place(table.fields, plain, tables, number, place)
+    layer_density = column.density_at(place[1], 0.0 * place[1] + table.top[number], 0.0 * place[1] + table.falloff[number])
+    density = tracking.density_at_place(table.fields, layer_density, tables, number, place)
     zero = 0.0 * place[0]
     back = (zero + red, zero + green, zero + blue)
     return ops.scale(bodies.coefficients(table.bodies, (back, back), number, body)[1], density)

@@ -73,31 +73,31 @@ def value(g: Lane, of_draine: Lane, alpha: Lane, weight: Lane, versine: Lane) ->
 
 
 @helper
-def _density(draine: Any, plain: Lane, number: Lane, cosine: Lane) -> Lane:
+def _density(draine: Any, default: Lane, number: Lane, cosine: Lane) -> Lane:
     g, of_draine, alpha, weight = row_gather.four_at(draine.shape, number)
     blended = weight > 0.0
     if ops.not_(ops.any_lane(blended)):
-        return plain
-    return ops.where(blended, value(g, of_draine, alpha, weight, 1.0 - cosine), plain)
+        return default
+    return ops.where(blended, value(g, of_draine, alpha, weight, 1.0 - cosine), default)
 
 
 @helper
-def _sample(draine: Any, plain: tuple[Vec, Lane, Lane], number: Lane, direction: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
+def _sample(draine: Any, default: tuple[Vec, Lane, Lane], number: Lane, direction: Vec, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane]:
     g, of_draine, alpha, weight = row_gather.four_at(draine.shape, number)
     blended = weight > 0.0
     if ops.not_(ops.any_lane(blended)):
-        return plain
+        return default
     place = u * float(BINS)
     row = ops.minimum(ops.floor_int(place), BINS - 1)
-    at = ops.to_int(number) * (BINS + 1) + row
-    low, high = draine.quantiles[at], draine.quantiles[at + 1]
+    bin = ops.to_int(number) * (BINS + 1) + row
+    low, high = draine.quantiles[bin], draine.quantiles[bin + 1]
     versine = ops.clip(low + (high - low) * (place - ops.to_float(row)), 0.0, 2.0)
     density = value(g, of_draine, alpha, weight, versine)
     factor = density * (2.0 * math.pi * BINS) * (high - low)
     sine = ops.sqrt(versine * (2.0 - versine))
     s, t = ops.basis(direction)
     onward = ops.in_basis(s, t, direction, sine * ops.cos(2.0 * math.pi * v), sine * ops.sin(2.0 * math.pi * v), 1.0 - versine)
-    return ops.where3(blended, onward, plain[0]), ops.where(blended, factor, plain[1]), ops.where(blended, density, plain[2])
+    return ops.where3(blended, onward, default[0]), ops.where(blended, factor, default[1]), ops.where(blended, density, default[2])
 
 
 density = specialize_if_present(_density)

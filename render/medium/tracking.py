@@ -92,13 +92,13 @@ def depth_of_segment(depth: int, segment: int) -> int:
 
 
 @helper
-def _follow(time: Lane, plain: Any, tables: Tables, fields: Any, number: Lane) -> Any:
+def _follow(time: Lane, default: Any, tables: Tables, fields: Any, number: Lane) -> Any:
     """Rays at their time, in the world as it is at the scene's time; their distances stay."""
-    origin, direction, near, far = plain
+    origin, direction, near, far = default
     row = ops.int_like(near, 0) + fields.moving[number]
     moves = row >= 0
     if ops.not_(ops.any_lane(moves)):
-        return plain
+        return default
     row = ops.where(moves, row, 0)
     back, still = instance_transform.transform_at(tables, row, time).inverse, affine.load12(tables.transforms.matrix, row)
     start = affine.transform_point12(still, affine.transform_point12(back, origin))
@@ -204,10 +204,10 @@ def _interpolate(fields: Any, number: Lane, p: Vec) -> Lane:
 
 
 @noinline_helper
-def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray: Any, weight: Vec, key: Key) -> Any:
+def _fly(fields: Any, default: Any, tables: Tables, table: Any, number: Lane, ray: Any, weight: Vec, key: Key) -> Any:
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
-        return plain
+        return default
     ray = _in_motion(key.time, ray, tables, fields, number)
     sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
     back_r, back_g, back_b, _ = row_gather.four_at(table.scattering, number)
@@ -249,17 +249,17 @@ def _fly(fields: Any, plain: Any, tables: Tables, table: Any, number: Lane, ray:
             step += 1
         going = going & (t < walk.end)
     return Flight(
-        (inside & scattered) | (ops.not_(inside) & plain.scattered),
-        ops.where(inside, ops.where(scattered, t, ray[3]), plain.t), ops.where3(inside, factor, plain.factor),
-        ops.where3(inside, emitted, plain.emitted),
+        (inside & scattered) | (ops.not_(inside) & default.scattered),
+        ops.where(inside, ops.where(scattered, t, ray[3]), default.t), ops.where3(inside, factor, default.factor),
+        ops.where3(inside, emitted, default.emitted),
     )  # fmt: skip
 
 
 @noinline_helper
-def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane, ray: Any, key: Key) -> Vec:
+def _transmit(fields: Any, default: Vec, tables: Tables, table: Any, number: Lane, ray: Any, key: Key) -> Vec:
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
-        return plain
+        return default
     ray = _in_motion(key.time, ray, tables, fields, number)
     sigma_r, sigma_g, sigma_b, sigma = row_gather.four_at(table.extinction, number)
     walk = enter_grid(fields, number, ray)
@@ -285,14 +285,14 @@ def _transmit(fields: Any, plain: Vec, tables: Tables, table: Any, number: Lane,
             factor = ops.where3(collides, ops.mul(factor, null), factor)
             faint = collides & (ops.largest(factor) < FAINT)
             lives = v * FAINT < ops.largest(factor)
-            kept = ops.scale(factor, FAINT / ops.maximum(ops.largest(factor), 1e-30))
-            factor = ops.where3(faint, ops.where3(lives, kept, (zero, zero, zero)), factor)
+            survivor = ops.scale(factor, FAINT / ops.maximum(ops.largest(factor), 1e-30))
+            factor = ops.where3(faint, ops.where3(lives, survivor, (zero, zero, zero)), factor)
             going = going & ops.not_(faint & ops.not_(lives))
             u, v = numbers(key, step)
             exponent = ops.where(collides, -ops.log(1.0 - u), exponent)
             step += 1
         going = going & (t < walk.end)
-    return ops.where3(inside, factor, plain)
+    return ops.where3(inside, factor, default)
 
 
 @noinline_helper
@@ -318,13 +318,13 @@ def march(fields: Any, tables: Tables, number: Lane, ray: Any, rate: Vec, steps:
 
 
 @helper
-def _at(fields: Any, plain: Lane, tables: Tables, number: Lane, place: Vec) -> Lane:
+def _at(fields: Any, default: Lane, tables: Tables, number: Lane, place: Vec) -> Lane:
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
-        return plain
+        return default
     still = 0.0 * place[0]
     ray = (place, (still, still, still), still, still)
-    return ops.where(inside, density_at(tables, fields, ops.where(inside, number, 0), ray, still), plain)
+    return ops.where(inside, density_at(tables, fields, ops.where(inside, number, 0), ray, still), default)
 
 
 density_at_place = specialize_if_present(_at)  # (fields, density in closed form, tables, number, place) → density

@@ -16,7 +16,7 @@ from .. import ir
 from ..io.sandbox import FileError
 from ..scene import metallic_roughness, partial_coverage, scattering_albedo
 from ..scene.builder import NONE, SceneBuilder
-from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, TextureData, as_color, scale_color
+from ..scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, TextureData, as_color, scale_color
 from . import images
 from .common import uv_sets, vertex_numbers
 from .gltf_container import Container, Warn, check_finite
@@ -107,7 +107,7 @@ class Materials:
             rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
             inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
             if slabs.are_used(extensions):
-                self.warn("the anisotropy and iridescence of glass are not drawn")
+                return self._lobed_glass(written, base)
             if (dispersion := float(extensions.get("KHR_materials_dispersion", {}).get("dispersion", 0.0))) > 0.0:
                 inputs[ir.Slot.DISPERSION] = Input.number(min(dispersion, _MOST_DISPERSION))
             medium = self._medium(extensions)
@@ -118,7 +118,7 @@ class Materials:
         else:
             surface = self._surface(written, base, float(color[3]), extensions)
         if share > 0:
-            if tinted or pbr.get("roughnessFactor", 1.0) > _SMOOTH:
+            if (tinted and not slabs.are_used(extensions)) or pbr.get("roughnessFactor", 1.0) > _SMOOTH:
                 self.warn("light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission")
             if surface.threshold > 0.0:
                 self.warn("light passes the holes alone of a surface with the alphaMode MASK: without KHR_materials_transmission")
@@ -126,6 +126,17 @@ class Materials:
                 metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
                 surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
         return self._scattering_through(surface, written)
+
+    def _lobed_glass(self, written: dict[str, Any], base: Input) -> MaterialData:
+        """Solid glass with anisotropy or iridescence, around the medium of its volume."""
+        extensions = written["extensions"]
+        if extensions.get("KHR_materials_dispersion", {}).get("dispersion"):
+            self.warn("the dispersion of glass with anisotropy or iridescence is not drawn")
+        medium, absorbed = self._medium(extensions), _attenuation(extensions)
+        if medium == NONE and absorbed is not None:
+            medium = self.builder.medium(MediumData(absorption=absorbed), Span(self.name))
+        made = slabs.Slabs(self.builder, self._picture, self.warn, self.name)
+        return made.glass(self._surface(written, base, 1.0, extensions), written, medium)
 
     def _reflecting(self, surface: metallic_roughness.Surface, written: dict[str, Any]) -> MaterialData:
         """What a surface reflects: slabs of OpenPBR with anisotropy or iridescence, else `principled`."""

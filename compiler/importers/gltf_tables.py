@@ -20,7 +20,7 @@ EXTENSIONS = Table(
         "KHR_materials_transmission": "a thin surface; solid glass, which may be rough, with a volume or a tint and from one half on",
         "ADOBE_materials_thin_transparency": "as KHR_materials_transmission, which precedes it",
         "KHR_materials_anisotropy": "as OpenPBR, whose roughness and anisotropy have the same widths",
-        "KHR_materials_iridescence": "as OpenPBR, which computes films by wavelength; a sheen is OpenPBR's fuzz, and no occlusion is drawn",
+        "KHR_materials_iridescence": "as OpenPBR: on surfaces, thin walls and solid glass; a sheen is its fuzz, no occlusion",
         "KHR_materials_dispersion": "of solid glass, by wavelength, at most 4",
         "KHR_materials_unlit": "the colour as emission",
         "KHR_materials_diffuse_transmission": "beside a highlight, which is weaker by the share that passes",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ....lang.diagnostics import Span
@@ -16,7 +17,7 @@ from ... import ir
 from ...formula.opcodes import Op
 from ...scene import partial_coverage
 from ...scene.builder import NONE, SceneBuilder
-from ...scene.metallic_roughness import Surface
+from ...scene.metallic_roughness import NOTHING, Surface
 from ...scene.row_records import BLACK, WHITE, Input, MaterialData, TextureData, as_color, scale_color
 from ...texture_graph.graph_builder import GraphBuilder
 from ...texture_graph.opcodes import U, V
@@ -50,7 +51,22 @@ class Slabs:
         self._builder, self._picture, self._warn, self._name = builder, picture, warn, name
 
     def material(self, surface: Surface, written: dict[str, Any]) -> MaterialData:
-        """The material of a metallic–roughness surface with the lobes that its extensions add."""
+        """The material of a metallic–roughness surface with the lobes that its extensions add; where light passes it, a thin wall."""
+        given = self._given(surface, written)
+        if surface.transmission > 0.0:
+            given |= {
+                Slot.TRANSMISSION_WEIGHT: Input.number(surface.transmission), Slot.TRANSMISSION_COLOR: surface.diffuse,
+                Slot.THIN_WALLED: Input.number(1.0),
+            }  # fmt: skip
+        return partial_coverage.with_opacity(openpbr.data(given, name=surface.name), surface.opacity, surface.threshold)
+
+    def glass(self, surface: Surface, written: dict[str, Any], medium: int) -> MaterialData:
+        """The material of solid glass with these lobes, around a medium."""
+        given = self._given(replace(surface, metallic=NOTHING), written)
+        given |= {Slot.TRANSMISSION_WEIGHT: Input.number(1.0), Slot.TRANSMISSION_COLOR: surface.diffuse}
+        return openpbr.data(given, name=surface.name, medium=medium)
+
+    def _given(self, surface: Surface, written: dict[str, Any]) -> dict[Slot, Input]:
         s, extensions = surface, written.get("extensions", {})
         weight, tint, ior = self._highlight(s, extensions)
         given = {
@@ -67,11 +83,7 @@ class Slabs:
         given |= {slot: value for slot, value in optional if value is not None}
         if s.occlusion.texture != NONE:
             self._warn("the occlusion of a surface with anisotropy or iridescence is not drawn: light from all sides reaches it")
-        opacity = s.opacity
-        if s.transmission > 0.0:
-            self._warn("the highlights of a surface with anisotropy or iridescence are weaker by the share that passes it")
-            opacity = Input.number(s.opacity.value[0] * (1.0 - s.transmission), s.opacity.texture)
-        return partial_coverage.with_opacity(openpbr.data(given, name=s.name), opacity, s.threshold)
+        return given
 
     def _highlight(self, s: Surface, extensions: dict[str, Any]) -> tuple[Input, Input, Input]:
         """(weight, tint, index of refraction) of KHR_materials_specular and _ior; of metals the index alone."""

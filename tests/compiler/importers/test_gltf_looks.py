@@ -148,9 +148,8 @@ def test_dispersion(tmp_path):
         ({"KHR_materials_dispersion": {"dispersion": 1}},
          "KHR_materials_dispersion counts in solid glass alone: with KHR_materials_volume, and transmission from one half on"),
         ({"KHR_materials_iridescence": {"iridescenceFactor": 1}, "KHR_materials_transmission": {"transmissionFactor": 1},
-          "KHR_materials_volume": {"thicknessFactor": 1}}, "the anisotropy and iridescence of glass are not drawn"),
-        ({"KHR_materials_anisotropy": {"anisotropyStrength": 1}, "KHR_materials_transmission": {"transmissionFactor": 0.4}},
-         "the highlights of a surface with anisotropy or iridescence are weaker by the share that passes it"),
+          "KHR_materials_volume": {"thicknessFactor": 1}, "KHR_materials_dispersion": {"dispersion": 1}},
+         "the dispersion of glass with anisotropy or iridescence is not drawn"),
         ({"KHR_materials_anisotropy": {"anisotropyStrength": 1}, "KHR_materials_pbrSpecularGlossiness": {}},
          "the anisotropy and iridescence of a surface with KHR_materials_pbrSpecularGlossiness are not drawn"),
     ],
@@ -170,6 +169,19 @@ def test_lobes_of_strength_zero_change_no_row(tmp_path, extensions):
     other = material(tmp_path, extensions, roughnessFactor=0.4)
     assert other[1].materials.model[other[2]] == plain[1].materials.model[plain[2]] == ir.MaterialModel.PRINCIPLED
     assert all((other[0][slot] == plain[0][slot]).all() for slot in Slot)
+
+
+def test_bubbles_and_glass_have_films(tmp_path):
+    film = {"KHR_materials_iridescence": {"iridescenceFactor": 1}, "KHR_materials_transmission": {"transmissionFactor": 0.9}}
+    values, tables, row, messages = material(tmp_path, film, roughnessFactor=0.02, baseColorFactor=[1, 1, 1, 1])
+    assert messages == []
+    assert tables.materials.model[row] == ir.MaterialModel.OPENPBR
+    assert [values[slot][0] for slot in (Slot.THIN_WALLED, Slot.TRANSMISSION_WEIGHT, Slot.OPACITY)] == pytest.approx([1.0, 0.9, 1.0])
+    volume = {"thicknessFactor": 1, "attenuationDistance": 0.5, "attenuationColor": [0.5, 0.25, 1]}
+    values, tables, row, messages = material(tmp_path, {**film, "KHR_materials_volume": volume}, roughnessFactor=0.02)
+    assert messages == []
+    assert [values[slot][0] for slot in (Slot.THIN_WALLED, Slot.TRANSMISSION_WEIGHT, Slot.FILM)] == [0.0, 1.0, 1.0]
+    assert tables.media.absorption[tables.materials.medium[row]] == pytest.approx([2 * math.log(2), 2 * math.log(4), 0.0])
 
 
 def test_sheets_keep_the_lobe(tmp_path):

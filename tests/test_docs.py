@@ -23,7 +23,7 @@ CITED = re.compile(r"`((?:bench|cli|compiler|docs|examples|lang|live|measure|ren
 LINK = re.compile(r"\]\(([\w./-]+)(?:#[\w-]*)?\)")
 CALL = re.compile(r"\[`(\w+)`\]\(([\w./-]+\.py)\)")
 MAX_LINES = {"docs/architecture.md": 200, "CHANGELOG.md": 120}
-FILE = re.compile(r"[\w./*-]+\.(?:scene|usda|usdz|glb|gltf|obj|stl|npz|png|exr|json)$")
+FILE = re.compile(r"[\w./*-]+\.(?:scene|usda|usdz|mtlx|glb|gltf|obj|stl|npz|png|exr|json)$")
 
 
 def commands() -> list[tuple[str, str]]:

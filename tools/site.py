@@ -19,7 +19,8 @@ ROOT = Path(__file__).resolve().parent.parent
 NAV = {
     "Start": ["README.md", "docs/tutorial.md", "docs/language.md", "docs/howto.md", "docs/coming_from.md"],
     "Library": ["docs/library.md", "docs/gallery.md", "examples/README.md"],
-    "Use": ["docs/live.md", "docs/editors.md", "docs/python.md", "docs/solids.md", "docs/light.md", "docs/usd.md", "docs/gltf.md",
+    "Use": ["docs/live.md", "docs/editors.md", "docs/python.md", "docs/solids.md", "docs/light.md", "docs/usd.md", "docs/materialx.md",
+        "docs/gltf.md",
             "docs/meshes.md", "docs/compare.md", "docs/charts.md", "docs/environment.md", "docs/course.md"],
     "Reference": ["docs/reference.md", "docs/accuracy.md", "bench/RESULTS.md", "CHANGELOG.md"],
     "Develop": ["CONTRIBUTING.md", "docs/architecture.md", "docs/reading.md", "docs/simd.md"],

@@ -166,24 +166,28 @@ SHADERS = Table(
         "UsdUVTexture": "with wrap modes, scale, bias, fallback and colour space; UDIM tiles, each a picture of its own",
         "UsdTransform2d": "",
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
-        "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader ND_gltf_pbr_surfaceshader arnold:standard_surface": (
-            "base colour, metalness, roughness, index of refraction, coat, sheen (of open_pbr none), emission, opacity, normal; "
-            "subsurface as `subsurface`, blended by its weight, thin walls as `translucent`; under outputs:mtlx:surface too"
+        "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader arnold:standard_surface ND_disney_principled": (
+            "as `openpbr`, under outputs:mtlx:surface too: see [materialx.md](materialx.md)"
         ),
-        "ND_surface ND_layer_bsdf ND_mix_bsdf ND_add_bsdf ND_multiply_bsdfF ND_multiply_bsdfC": "graphs of the BSDFs below",
-        "ND_oren_nayar_diffuse_bsdf ND_burley_diffuse_bsdf": "as Lambert's",
-        "ND_translucent_bsdf ND_subsurface_bsdf": "as `translucent` and `subsurface`",
-        "ND_dielectric_bsdf": "reflection",
+        "ND_gltf_pbr_surfaceshader": "as `principled`; as `openpbr` where light passes, or with iridescence, anisotropy or specular inputs",
+        "ND_surface ND_surface_unlit ND_layer_bsdf ND_mix_bsdf ND_add_bsdf ND_multiply_bsdfF ND_multiply_bsdfC ND_layer_vdf": (
+            "graphs of the BSDFs below; mixtures by a texture are blends"
+        ),
+        "ND_oren_nayar_diffuse_bsdf ND_burley_diffuse_bsdf ND_translucent_bsdf ND_subsurface_bsdf": "diffuse bases, sheets and bodies",
+        "ND_dielectric_bsdf ND_conductor_bsdf ND_generalized_schlick_bsdf ND_sheen_bsdf ND_uniform_edf": (
+            "highlights, coats, metals, fuzz and emission, with thin films"
+        ),
         "ND_UsdPreviewSurface_surfaceshader ND_UsdUVTexture ND_UsdTransform2d ND_UsdPrimvarReader_*": "as those of USD",
         "ND_image_* ND_tiledimage_*": "pictures with address modes and the colour space of the file's metadata",
         "ND_texcoord_* ND_geompropvalue_* ND_place2d_vector2": "",
-        "ND_normalmap* ND_separate* ND_extract_* ND_convert_* ND_constant_* ND_dot_*": "",
+        "ND_*": "the other nodes of textures, as tapes: see [materialx.md](materialx.md)",
         "UsdPrimvarReader_int UsdPrimvarReader_string UsdPrimvarReader_normal UsdPrimvarReader_point UsdPrimvarReader_vector": "",
     },
     not_drawn={
         "UsdPrimvarReader_matrix": "",
         "HwPrimvar_1 HwUvTexture_1 HwPtexTexture_1 HwFieldReader_*": "",
-        "ND_*": "other nodes of MaterialX",
+        "ND_viewdirection_vector3 ND_facingratio_float ND_tangent_vector3 ND_bitangent_vector3": "in textures",
+        "ND_flake2d ND_flake3d ND_hextilednormalmap_vector3 ND_blur_* ND_chiang_hair_bsdf": "",
     },
 )
 

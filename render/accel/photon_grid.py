@@ -172,18 +172,18 @@ def _lister(is_near: Callable[..., Any]) -> Any:
     """The function that lists a vector of photons for one lane; see `gatherer`."""
 
     @helper
-    def list_near(maps: Any, at: int, end: int, key: int, x: Vec, aside: Any, like: Lane, lists: Lists, k: int) -> bool:
+    def list_near(maps: Any, first: int, end: int, key: int, x: Vec, aside: Any, like: Lane, lists: Lists, k: int) -> bool:
         """Add to the list of lane k those of a vector of photons that are near it; return whether the list is full."""
         n, width = len(maps.inverse), crosslane.width(like)
         off = (
-            x[0] - crosslane.load_like(maps.place, at, like), x[1] - crosslane.load_like(maps.place, at + n, like),
-            x[2] - crosslane.load_like(maps.place, at + 2 * n, like),
+            x[0] - crosslane.load_like(maps.place, first, like), x[1] - crosslane.load_like(maps.place, first + n, like),
+            x[2] - crosslane.load_like(maps.place, first + 2 * n, like),
         )  # fmt: skip
-        near = simd.first_lanes(end - at, like) & (crosslane.load_like(maps.key, at, like) == key)
-        near = near & is_near(maps, at, off, aside, like)
+        near = simd.first_lanes(end - first, like) & (crosslane.load_like(maps.key, first, like) == key)
+        near = near & is_near(maps, first, off, aside, like)
         if ops.any_lane(near):
             count = lists.counts[k]
-            row = simd.iota(ops.int_like(like, 0)) + at
+            row = simd.iota(ops.int_like(like, 0)) + first
             compress_store(lists.rows, k * LISTED + count, row, near)
             lists.counts[k] = count + crosslane.count(near)
         return lists.counts[k] > LISTED - width
@@ -213,19 +213,19 @@ def _adder(photon_light: Callable[..., Any]) -> Any:
 def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_light: Callable[..., Any]) -> Any:
     """The function (maps, lookup, active lanes, sample, random number) → Chosen: the light of the photons near each lane.
 
-    `probe(lookup, k)` has what `is_near(maps, at, offset, probe, like)` reads of lane k: whether photons from row `at` on are near.
+    `probe(lookup, k)` has what `is_near(maps, first, offset, probe, like)` reads of lane k: whether photons from row `first` on are near.
     `photon_light(maps, row, active lanes, lookup)` is a photon's light. Most photons of a lookup's cells are too far: a vector of one
     cell's is tested at a time.
     """
     list_near, add_listed = _lister(is_near), _adder(photon_light)
 
     @noinline_helper
-    def gather(maps, lookup, here, sample, random):
+    def gather(maps, lookup, lanes, sample, random):
         """The light of the photons near each lane."""
         number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # samples of neighboring pixels read other maps, whatever their count
         x, wide = lookup.place, maps.cells[0]
         coarse = cell_key(0, ops.floor_int(x[0] * wide), ops.floor_int(x[1] * wide), ops.floor_int(x[2] * wide))
-        levels = ops.where(here, maps.present[number * PRESENCE + slot_of(coarse, PRESENCE)], 0)
+        levels = ops.where(lanes, maps.present[number * PRESENCE + slot_of(coarse, PRESENCE)], 0)
         base = number * (maps.slots + 1)
         lists = Lists(simd.stack_array(np.int32, LISTS), simd.stack_array(np.int32, LANES))
         for k in range(LANES):
@@ -235,19 +235,19 @@ def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_ligh
         for level in range(LEVELS):
             some = ((levels >> level) & 1) != 0
             if ops.any_lane(some):
-                inverse, lanes = maps.cells[level], crosslane.bits(some)
+                inverse, lane_bits = maps.cells[level], crosslane.bits(some)
                 low = ops.floor_int(x[0] * inverse - 0.5), ops.floor_int(x[1] * inverse - 0.5), ops.floor_int(x[2] * inverse - 0.5)
                 for k in range(crosslane.width(x[0])):
-                    if (lanes >> k) & 1 == 0:
+                    if (lane_bits >> k) & 1 == 0:
                         continue
                     place, aside, cell = crosslane.lane3(x, k), probe(lookup, k), crosslane.lane3(low, k)
                     for corner in range(8):
                         key = cell_key(level, cell[0] + (corner & 1), cell[1] + ((corner >> 1) & 1), cell[2] + (corner >> 2))
                         slot = crosslane.lane(base, k) + slot_of(key, maps.slots)
-                        at, end = maps.start[slot], maps.start[slot + 1]
-                        while at < end:
-                            full = list_near(maps, at, end, key, place, aside, x[0], lists, k)
-                            at += crosslane.width(x[0])
+                        first, end = maps.start[slot], maps.start[slot + 1]
+                        while first < end:
+                            full = list_near(maps, first, end, key, place, aside, x[0], lists, k)
+                            first += crosslane.width(x[0])
                             if full:
                                 chosen = add_listed(maps, chosen, lookup, lists)
         return add_listed(maps, chosen, lookup, lists)
@@ -260,6 +260,6 @@ def choose_photon(chosen: Chosen, row: Lane, light: Vec) -> Chosen:
     """Add a photon's light; choose it with the probability of its share of the light so far. One random number serves all choices."""
     total, number = ops.add(chosen.light, light), chosen.number
     share = (light[0] + light[1] + light[2]) / ops.maximum(total[0] + total[1] + total[2], LEAST)
-    taken = number < share
-    rest = ops.where(taken, number / ops.maximum(share, LEAST), (number - share) / ops.maximum(1.0 - share, LEAST))
-    return Chosen(total, ops.where(taken, row, chosen.row), rest)
+    is_chosen = number < share
+    rescaled = ops.where(is_chosen, number / ops.maximum(share, LEAST), (number - share) / ops.maximum(1.0 - share, LEAST))
+    return Chosen(total, ops.where(is_chosen, row, chosen.row), rescaled)

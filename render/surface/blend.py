@@ -47,21 +47,21 @@ def find_blends(tables: ir.Tables, general: bool = False) -> Blends | Unblended:
 
 def is_used(tables: Any) -> bool:
     """Whether kernels' tables of this Numba type have blends."""
-    found = tables.field("materials.blended") if isinstance(tables, HandleType) else None
-    return found is not None and found[1] != ()
+    field = tables.field("materials.blended") if isinstance(tables, HandleType) else None
+    return field is not None and field[1] != ()
 
 
 def if_blended(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap function(tables, point, …): in scenes without blends it returns its second argument and is not compiled."""
 
-    def chosen(tables: Any, point: Any, *of: Any) -> Any:
-        return function(tables, point, *of) if isinstance(getattr(tables.materials, "blended", None), Blends) else point
+    def chosen(tables: Any, point: Any, *arguments: Any) -> Any:
+        return function(tables, point, *arguments) if isinstance(getattr(tables.materials, "blended", None), Blends) else point
 
     @overload(chosen)
-    def _in_kernels(tables, point, *of):
+    def _in_kernels(tables, point, *arguments):
         if is_used(tables):
-            return lambda tables, point, *of: function(tables, point, *of)
-        return lambda tables, point, *of: point
+            return lambda tables, point, *arguments: function(tables, point, *arguments)
+        return lambda tables, point, *arguments: point
 
     return chosen
 
@@ -83,6 +83,6 @@ def choose_part(tables: Tables, point: Surface, u: Lane) -> Surface:
         weight = ops.clip(number_of(tables, point, WEIGHT), 0.0, 1.0)
         second = u < weight
         u = ops.where(mixed, ops.where(second, u / ops.maximum(weight, 1e-9), (u - weight) / ops.maximum(1.0 - weight, 1e-9)), u)
-        taken = ops.where(second, ops.to_int(materials.second[row]), ops.to_int(materials.first[row]))
-        point = with_material(point, ops.where(mixed, taken, row))
+        chosen = ops.where(second, ops.to_int(materials.second[row]), ops.to_int(materials.first[row]))
+        point = with_material(point, ops.where(mixed, chosen, row))
     return point

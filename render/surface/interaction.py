@@ -63,18 +63,18 @@ def _moving_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool) -> Sur
 
 
 @helper
-def _interaction(tables: Tables, ray: Ray, hit: Hit, here: instance_transform.Frame, mapped: bool) -> Surface:
+def _interaction(tables: Tables, ray: Ray, hit: Hit, frame: instance_transform.Frame, mapped: bool) -> Surface:
     instance = ops.where(hit.instance >= 0, hit.instance, 0)
     instances, geometries = tables.instances, tables.geometries
     g = ops.to_int(instances.geometry[instance])
-    matrix, inverse = here.matrix, here.inverse
+    matrix, inverse = frame.matrix, frame.inverse
     material = ops.to_int(instances.material[instance])
     kind = ops.to_int(geometries.kind[g])
 
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
     on_mesh = kind == MESH
     part = ops.where(on_mesh | (kind == FORMULA), 0, hit.primitive)
-    point = _shape_point(tables, ray, hit, t, kind, g, part, here)
+    point = _shape_point(tables, ray, hit, t, kind, g, part, frame)
     zero = ops.full_like(t, 0.0)
     if ops.any_lane(on_mesh):
         point = _mesh_point(tables, g, on_mesh, matrix, point)
@@ -94,22 +94,22 @@ def _interaction(tables: Tables, ray: Ray, hit: Hit, here: instance_transform.Fr
         lift = _transform_linear(matrix, _mesh_lift(tables, g, point.hit, rounded, point.local, point.corners, point.outward, side))
     return Surface(
         point.world, point.local, ops.scale(geometric, side), ops.scale(shaded, side), point.outward, uv, metric,
-        front, instance, material, point.color, origin_offset(here, ray, t, geometric, point.error), ray.time, None, lift, None, None,
+        front, instance, material, point.color, origin_offset(frame, ray, t, geometric, point.error), ray.time, None, lift, None, None,
     )  # fmt: skip
 
 
 @helper
 def _shape_point(
-    tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, here: instance_transform.Frame
+    tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, frame: instance_transform.Frame
 ) -> HitPoint:
     """The point of a hit with an analytic shape or a formula surface."""
     world = ops.along(ray.origin, ray.direction, t)
-    local = affine.transform_point12(here.inverse, world)
+    local = affine.transform_point12(frame.inverse, world)
     outward = analytic_shapes.normal(kind, tables.geometries.parameters, g, part, local)
     error, formed = ops.full_like(t, 0.0), kind == FORMULA
     if ops.any_lane(formed):
         outward = ops.where3(formed, unpack_normal(hit.u, hit.v), outward)
-        error = ops.where(formed, _formula_error(tables, g, hit, here.matrix), error)
+        error = ops.where(formed, _formula_error(tables, g, hit, frame.matrix), error)
     return HitPoint(hit, world, local, (local, local, local), outward, outward, ops.like3(t, 1.0, 1.0, 1.0), error)
 
 
@@ -148,7 +148,7 @@ def _coordinates(
 
 
 @helper
-def origin_offset(here: instance_transform.Frame, ray: Ray, t: Lane, normal: Vec, error: Lane) -> Lane:
+def origin_offset(frame: instance_transform.Frame, ray: Ray, t: Lane, normal: Vec, error: Lane) -> Lane:
     """Offset along the normal at which a new ray starts, so that it does not hit its own surface again.
 
     It is a bound on rounding errors, not a fixed length: the sums of absolute terms that gave the point (world to the shape's frame and
@@ -156,7 +156,7 @@ def origin_offset(here: instance_transform.Frame, ray: Ray, t: Lane, normal: Vec
     farther away: `error` is their distance in metres, 0 for other shapes.
     Pharr, Jakob, Humphreys, "Physically Based Rendering", 4th ed., section 6.8.
     """
-    m, inv = here.matrix, here.inverse
+    m, inv = frame.matrix, frame.inverse
     x = abs(ray.origin[0]) + abs(t * ray.direction[0])
     y = abs(ray.origin[1]) + abs(t * ray.direction[1])
     z = abs(ray.origin[2]) + abs(t * ray.direction[2])
@@ -172,10 +172,10 @@ def origin_offset(here: instance_transform.Frame, ray: Ray, t: Lane, normal: Vec
 @helper
 def formula_point(tables: Tables, instance: int, ray: Ray, hit: Hit) -> tuple[Vec, Vec, Lane]:
     """(position, geometric normal, offset) of hits with a static formula surface, as in `make_interaction`."""
-    g, here = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
+    g, frame = tables.instances.geometry[instance], instance_transform.transform_at(tables, tables.instances.transform[instance], None)
     t = ops.where(hit.instance >= 0, hit.t, 0.0)
-    geometric = ops.normalize(affine.transform_normal12(here.inverse, _decode_octahedral(hit.u, hit.v)))
-    offset = origin_offset(here, ray, t, geometric, _formula_error(tables, g, hit, here.matrix))
+    geometric = ops.normalize(affine.transform_normal12(frame.inverse, _decode_octahedral(hit.u, hit.v)))
+    offset = origin_offset(frame, ray, t, geometric, _formula_error(tables, g, hit, frame.matrix))
     side = ops.where(ops.dot(ray.direction, geometric) < 0.0, 1.0, -1.0)
     return ops.along(ray.origin, ray.direction, t), ops.scale(geometric, side), offset
 
@@ -233,8 +233,8 @@ _with_known = make_replace(Surface, "known")
 
 
 @helper
-def _replace_known(known: Any, surface: Surface) -> Surface:
-    return _with_known(surface, known)
+def _replace_known(hidden: Any, surface: Surface) -> Surface:
+    return _with_known(surface, hidden)
 
 
 override_interaction = specialize_if_present(_replace_known)  # the surface with other `known` shadows
@@ -355,7 +355,7 @@ def _mesh_normal(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, face: Vec) ->
 
 @helper
 def _mesh_lift(
-    tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, place: Vec, at: tuple[Vec, Vec, Vec], face: Vec, side: Lane
+    tables: Tables, g: Lane, hit: Hit, on_mesh: Lane, place: Vec, corner_places: tuple[Vec, Vec, Vec], face: Vec, side: Lane
 ) -> Vec:  # fmt: skip
     """Vector from a point of a triangle to the mean of its projections on the tangent planes of the corners that lie above it.
 
@@ -372,8 +372,8 @@ def _mesh_lift(
         c = _value3(tables, attribute_row(tables, g, row, triangle, 2, has))
         w = 1.0 - hit.u - hit.v
         side = side * ops.where(ops.dot(_blend(a, b, c, w, hit.u, hit.v), face) < 0.0, -1.0, 1.0)
-        a, b = _lift_to_tangent(place, at[0], a, face, side), _lift_to_tangent(place, at[1], b, face, side)
-        c = _lift_to_tangent(place, at[2], c, face, side)
+        a, b = _lift_to_tangent(place, corner_places[0], a, face, side), _lift_to_tangent(place, corner_places[1], b, face, side)
+        c = _lift_to_tangent(place, corner_places[2], c, face, side)
         raised = _blend(a, b, c, w, hit.u, hit.v)
         lift = ops.where3(has & ops.is_finite(ops.dot(raised, raised)), raised, lift)
     return lift
@@ -401,8 +401,8 @@ def _mesh_color(tables: Tables, g: Lane, hit: Hit, on_mesh: Lane) -> Vec:
     has = on_mesh & (row >= 0)
     color = ops.like3(hit.u, 1.0, 1.0, 1.0)
     if ops.any_lane(has):
-        found = attribute3(tables, ops.where(has, g, 0), ops.where(has, row, 0), hit, ops.where(has, hit.primitive, 0), has)
-        color = ops.where3(has, found, color)
+        vertex_color = attribute3(tables, ops.where(has, g, 0), ops.where(has, row, 0), hit, ops.where(has, hit.primitive, 0), has)
+        color = ops.where3(has, vertex_color, color)
     return color
 
 
@@ -440,8 +440,8 @@ def uv_metric(e1: Vec, e2: Vec, u1: Lane, v1: Lane, u2: Lane, v2: Lane) -> tuple
     Two edges and their coordinates give the derivatives of the point: dp/du = (Δv₂ e₁ − Δv₁ e₂) / det.
     """
     det = u1 * v2 - u2 * v1
-    known = det != 0.0
-    det = ops.where(known, det, 1.0)
+    is_regular = det != 0.0
+    det = ops.where(is_regular, det, 1.0)
     du = ops.length(ops.sub(ops.scale(e1, v2 / det), ops.scale(e2, v1 / det)))
     dv = ops.length(ops.sub(ops.scale(e2, u1 / det), ops.scale(e1, u2 / det)))
-    return ops.where(known, du, 1.0), ops.where(known, dv, 1.0)
+    return ops.where(is_regular, du, 1.0), ops.where(is_regular, dv, 1.0)

@@ -60,14 +60,14 @@ def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMap
     blended = traits.has(tables, Lobes.PARTS)
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
     turned = np.unique(tables.instances.geometry[(maps[used, 0] >= 0) | blended[used]])
-    first, found, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0
+    first, parts, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0
     for g in turned[(kinds[turned] == MESH) & (uvs[turned] >= 0)].tolist():
         flat = (tables.materials.shading[used[tables.instances.geometry == g]] == FLAT).all()
-        made = mesh_tangents(tables, g, bool(flat))
+        tangents = mesh_tangents(tables, g, bool(flat))
         first[g] = count
-        found.append(made)
-        count += len(made)
-    return Tangents(first, np.concatenate(found))
+        parts.append(tangents)
+        count += len(tangents)
+    return Tangents(first, np.concatenate(parts))
 
 
 def mesh_tangents(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
@@ -81,9 +81,9 @@ def mesh_tangents(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.f
     face = _unit(np.cross(edges[:, 0], -edges[:, 2]))
     normals = np.repeat(face[:, None], 3, axis=1)
     if geometry.normals[g] >= 0 and not flat:
-        given = _corners(tables, int(geometry.normals[g]), g, corners, 3)
-        given = np.where(((given * normals).sum(axis=2) < 0)[..., None], -given, given)
-        normals = np.where((np.linalg.norm(given, axis=2) > 1e-12)[..., None], _unit(given), normals)
+        vertex_normals = _corners(tables, int(geometry.normals[g]), g, corners, 3)
+        vertex_normals = np.where(((vertex_normals * normals).sum(axis=2) < 0)[..., None], -vertex_normals, vertex_normals)
+        normals = np.where((np.linalg.norm(vertex_normals, axis=2) > 1e-12)[..., None], _unit(vertex_normals), normals)
     du, dv = uv[:, 1:] - uv[:, :1], p[:, 1:] - p[:, :1]
     det = du[:, 0, 0] * du[:, 1, 1] - du[:, 0, 1] * du[:, 1, 0]
     sign = np.where(det < 0, -1.0, 1.0)
@@ -131,8 +131,8 @@ def _perpendicular(n: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def is_used(tables: Any) -> bool:
     """Whether tables of this Numba type have normal or bump maps."""
-    found = tables.field("materials.tangents") if isinstance(tables, HandleType) else None
-    return found is not None and found[1] != ()
+    field = tables.field("materials.tangents") if isinstance(tables, HandleType) else None
+    return field is not None and field[1] != ()
 
 
 def apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
@@ -275,12 +275,13 @@ def _gradients(tables: Tables, g: Lane, row: Lane, has: Lane, hit: Hit) -> tuple
     e1, e2 = ops.sub(b, a), ops.sub(c, a)
     aa, ab, bb = ops.dot(e1, e1), ops.dot(e1, e2), ops.dot(e2, e2)
     area = aa * bb - ab * ab
-    known = has & (area > 0.0)
-    scale = ops.where(known, 1.0 / ops.where(known, area, 1.0), 0.0)
-    one = ops.scale(ops.sub(ops.scale(e1, bb), ops.scale(e2, ab)), scale)  # gradient of the weight of b
-    two = ops.scale(ops.sub(ops.scale(e2, aa), ops.scale(e1, ab)), scale)
+    is_regular = has & (area > 0.0)
+    scale = ops.where(is_regular, 1.0 / ops.where(is_regular, area, 1.0), 0.0)
+    gradient_b = ops.scale(ops.sub(ops.scale(e1, bb), ops.scale(e2, ab)), scale)  # gradient of the weight of b
+    gradient_c = ops.scale(ops.sub(ops.scale(e2, aa), ops.scale(e1, ab)), scale)
     return (
-        ops.add(ops.scale(one, ub - ua), ops.scale(two, uc - ua)), ops.add(ops.scale(one, vb - va), ops.scale(two, vc - va)),
+        ops.add(ops.scale(gradient_b, ub - ua), ops.scale(gradient_c, uc - ua)),
+        ops.add(ops.scale(gradient_b, vb - va), ops.scale(gradient_c, vc - va)),
     )  # fmt: skip
 
 
@@ -307,15 +308,15 @@ def _frame(
     g = ops.to_int(tables.instances.geometry[point.instance])
     table: Any = tables.materials.tangents  # pyright: ignore[reportAttributeAccessIssue]
     first = ops.to_int(table.first[g])
-    given = (first >= 0) & (tables.textures.mapping[texture] == UV)
-    if ops.any_lane(given):
+    has_tangents = (first >= 0) & (tables.textures.mapping[texture] == UV)
+    if ops.any_lane(has_tangents):
         corner = first + 3 * (ops.to_int(hit.primitive) - tables.geometries.first_triangle[g])
-        corner = ops.where(given, corner, 0)
+        corner = ops.where(has_tangents, corner, 0)
         a, b, c = _tangent(table, corner), _tangent(table, corner + 1), _tangent(table, corner + 2)
         w = 1.0 - hit.u - hit.v
         mixed = ops.add(ops.scale(a, w), ops.add(ops.scale(b, hit.u), ops.scale(c, hit.v)))
-        local = ops.where3(given, mixed, local)
-        round_ = ops.where(given, ops.to_float(table.values[corner, 3]), round_)
+        local = ops.where3(has_tangents, mixed, local)
+        round_ = ops.where(has_tangents, ops.to_float(table.values[corner, 3]), round_)
     flips = tables.transforms.flips[tables.instances.transform[point.instance]]
     world = ops.normalize(affine.transform_vector12(place.matrix, local))
     along = ops.normalize(ops.along(world, outward, -ops.dot(world, outward)))

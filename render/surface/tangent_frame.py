@@ -33,8 +33,8 @@ class Turned(NamedTuple):
 
 def is_used(tables: Any) -> bool:
     """Whether tables of this Numba type have such a material."""
-    whole = tables.field("materials.slabs") if isinstance(tables, HandleType) else None
-    part = tables.field("materials.slabs.turned") if whole is not None and whole[1] != () else None
+    slabs = tables.field("materials.slabs") if isinstance(tables, HandleType) else None
+    part = tables.field("materials.slabs.turned") if slabs is not None and slabs[1] != () else None
     return part is not None and part[1] != ()
 
 

@@ -98,7 +98,7 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool, ge
     key = id(images.texels)
     if key not in _made or _made[key][0]() is not images.texels:
         _made[key] = weakref.ref(images.texels, lambda _: _made.pop(key, None)), build_pyramids(images)
-    made = _made[key][1]
+    pyramids = _made[key][1]
     ray = camera.generate_pinhole_ray(tables, view, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     start, direction = (np.stack([np.broadcast_to(c, 3) for c in vector], axis=1) for vector in (ray.origin, ray.direction))
     matrix = tables.transforms.matrix[tables.cameras.transform[view.camera]]
@@ -107,7 +107,7 @@ def with_pyramids(tables: ir.Tables, view: View, samples: int, further: bool, ge
     moved = direction / (direction @ axis)[:, None] if perspective else start
     step = 1.0 / np.sqrt(samples)
     eye = Eye(matrix[:, 3].copy(), axis, (moved[1] - moved[0]) * step, (moved[2] - moved[0]) * step, perspective, float(step))
-    return tables._replace(images=made._replace(eye=eye, footprint=_footprint_parts(tables.textures, samples, further, general)))
+    return tables._replace(images=pyramids._replace(eye=eye, footprint=_footprint_parts(tables.textures, samples, further, general)))
 
 
 def _footprint_parts(rows: ir.Textures, samples: int, further: bool, general: bool) -> Any:
@@ -118,9 +118,9 @@ def _footprint_parts(rows: ir.Textures, samples: int, further: bool, general: bo
     cells = ir.is_in(rows.kind, (ir.TextureKind.CHECKER, ir.TextureKind.STRIPES))
     places = formulas or (~formula & (rows.mapping != ir.TextureMapping.UV)).any()
     graphs = formulas and hasattr(rows, "lookups")
-    asked = (pictures.any(), cells.any(), formulas, (pictures | cells).any() or graphs, places)
-    asked += (further and bool(pictures.any() or cells.any() or formulas),)
-    parts = {name: int(yes) for name, yes in zip(FOOTPRINT_PARTS, asked, strict=True) if yes or general}
+    needed = (pictures.any(), cells.any(), formulas, (pictures | cells).any() or graphs, places)
+    needed += (further and bool(pictures.any() or cells.any() or formulas),)
+    parts = {name: int(yes) for name, yes in zip(FOOTPRINT_PARTS, needed, strict=True) if yes or general}
     return _footprint_type(tuple(parts))(**parts)
 
 
@@ -146,14 +146,14 @@ def build_pyramids(images: ir.Images) -> Pyramids:
             w, h = max(w // 2, 1), max(h // 2, 1)
     texels = np.empty((total, 4), np.float32)
     for row in range(count):
-        made = [
+        chain = [
             texels[start : start + w * h].reshape(h, w, 4)
             for start, w, h in zip(first[row].tolist(), width[row].tolist(), height[row].tolist(), strict=True)
         ][: levels[row]]
         start = int(images.first[row])
-        made[0][...] = images.texels[start : start + made[0].size // 4].reshape(made[0].shape)
-        for k in range(1, len(made)):
-            _halve(made[k - 1], made[k])
+        chain[0][...] = images.texels[start : start + chain[0].size // 4].reshape(chain[0].shape)
+        for k in range(1, len(chain)):
+            _halve(chain[k - 1], chain[k])
     nowhere = Eye(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), True, 1.0)
     return Pyramids(first[:, 0].copy(), images.width, images.height, texels, levels, first, width, height, nowhere, _footprint_type(())())
 
@@ -172,23 +172,23 @@ def _halve_along(level: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     n = level.shape[axis]
     m = max(n // 2, 1)
     if n == 2 * m:
-        one, other = (level[::2], level[1::2]) if axis == 0 else (level[:, ::2], level[:, 1::2])
+        even, odd = (level[::2], level[1::2]) if axis == 0 else (level[:, ::2], level[:, 1::2])
         try:
             with np.errstate(over="raise"):
-                made = one + other
-                made *= HALF
+                half = even + odd
+                half *= HALF
         except FloatingPointError:  # sums of texels near the largest float
-            made = one * HALF + other * HALF
-        return made
+            half = even * HALF + odd * HALF
+        return half
     edges, parts = np.arange(m + 1) * (n / m), []
     block = m if n <= WIDEST else BLOCK  # products with all texels of a wide image take time as the square of its width
     for first in range(0, m, block):
         bounds, texels = edges[first : first + block + 1, None], slice(2 * first, min(2 * (first + block) + 1, n))
         places = np.arange(texels.start, texels.stop)
         share = np.clip(np.minimum(bounds[1:], places + 1) - np.maximum(bounds[:-1], places), 0.0, None) * (m / n)
-        given = level[texels] if axis == 0 else level[:, texels]
+        block_texels = level[texels] if axis == 0 else level[:, texels]
         with np.errstate(over="ignore"):  # shares may add up to little more than 1
-            mean = np.tensordot(share.astype(np.float32), given, axes=(1, axis))
+            mean = np.tensordot(share.astype(np.float32), block_texels, axes=(1, axis))
         parts.append(np.moveaxis(np.clip(mean, -LARGEST, LARGEST, out=mean), 0, axis))
     return np.concatenate(parts, axis=axis) if len(parts) > 1 else parts[0]
 
@@ -275,8 +275,8 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
     if not eye.perspective:
         from_eye, depth = along >= 1.0 - 1e-12, zero + 1.0
     wide = width_at(cone, zero, distance)
-    known = (from_eye | (wide > 0.0)) & textures.has_texture(tables, point.material) & _is_used(tables)
-    if ops.any_lane(known):
+    has_footprint = (from_eye | (wide > 0.0)) & textures.has_texture(tables, point.material) & _is_used(tables)
+    if ops.any_lane(has_footprint):
         facing = ops.minimum(ops.dot(d, point.geometric), -1e-9)
         to_right = ops.like3(zero, eye.right[0], eye.right[1], eye.right[2])
         below = ops.like3(zero, eye.down[0], eye.down[1], eye.down[2])
@@ -286,10 +286,11 @@ def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> S
         u0, v0 = _coordinates(tables, right, hit, point)
         u1, v1 = _coordinates(tables, down, hit, point)
         spread = (
-            ops.where(known, u0, 0.0), ops.where(known, v0, 0.0), ops.where(known, u1, 0.0), ops.where(known, v1, 0.0)
+            ops.where(has_footprint, u0, 0.0), ops.where(has_footprint, v0, 0.0), ops.where(has_footprint, u1, 0.0),
+            ops.where(has_footprint, v1, 0.0)
         )  # fmt: skip
         nowhere = (zero, zero, zero)
-        right, down = ops.where3(known, right, nowhere), ops.where3(known, down, nowhere)
+        right, down = ops.where3(has_footprint, right, nowhere), ops.where3(has_footprint, down, nowhere)
     return interaction.replace_spread(point, _with_cone(cone, _make_spread(tables, spread, right, down), tables, point, wide))
 
 
@@ -323,20 +324,20 @@ def _cone_of_eye(tables: Any, ray: Ray) -> tuple[Lane, Lane]:
 
 
 @helper
-def _width_at(cone: Any, plain: Any, distance: Lane) -> Lane:
+def _width_at(cone: Any, default: Any, distance: Lane) -> Lane:
     return ops.absolute(cone[0] + cone[1] * distance)
 
 
 @helper
-def _steps_of_cone(cone: Any, plain: Any, from_eye: Lane, d: Vec, wide: Lane) -> tuple[Vec, Vec, Lane]:
-    right, down, depth = plain
+def _steps_of_cone(cone: Any, steps: Any, from_eye: Lane, d: Vec, wide: Lane) -> tuple[Vec, Vec, Lane]:
+    right, down, depth = steps
     first, second = ops.basis(d)
     right = ops.where3(from_eye, right, ops.scale(first, wide))
     return right, ops.where3(from_eye, down, ops.scale(second, wide)), ops.where(from_eye, depth, 1.0)
 
 
 @helper
-def _spread_with_cone(cone: Any, plain: Any, tables: Any, point: Surface, wide: Lane) -> Any:
+def _spread_with_cone(cone: Any, spread: Any, tables: Any, point: Surface, wide: Lane) -> Any:
     g = ops.to_int(tables.instances.geometry[point.instance])
     kind = ops.to_int(tables.geometries.kind[g])
     flat, ball = (kind == MESH) | (kind == BOX) | (kind == PLANE) | (kind == RECTANGLE) | (kind == DISK), kind == SPHERE
@@ -345,21 +346,21 @@ def _spread_with_cone(cone: Any, plain: Any, tables: Any, point: Surface, wide: 
     if ops.any_lane(ball):
         first, second = ops.basis(point.geometric)
         matrix, rows = tables.transforms.inverse, ops.to_int(tables.instances.transform[point.instance])
-        one, other = affine.transform_vector(matrix, rows, first), affine.transform_vector(matrix, rows, second)
-        size = ops.sqrt(ops.length(one) * ops.length(other))
+        stretch_u, stretch_v = affine.transform_vector(matrix, rows, first), affine.transform_vector(matrix, rows, second)
+        size = ops.sqrt(ops.length(stretch_u) * ops.length(stretch_v))
         curved = size / ops.where(ball, tables.geometries.parameters[g, 0], 1.0)
         bent = ops.where(ball, 2.0 * wide * ops.where(point.front, curved, -curved), 0.0)
-    return *plain, wide, on, on + bent
+    return *spread, wide, on, on + bent
 
 
 @helper
 def _put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
     wide, on, mirrored = point.spread[-3], point.spread[-2], point.spread[-1]
     back = ops.dot(direction, point.geometric) > 0.0
-    known = ops.dot(point.normal, point.geometric) > 1.0 - 1e-9  # neither an interpolated nor a perturbed normal
-    known = known & (back | (mirrored == on))
-    crosslane.stack_store(stack, place, field, ops.where(known, wide, 0.0), active)
-    crosslane.stack_store(stack, place, field + 1, ops.where(known, ops.where(back, mirrored, on), 0.0), active)
+    keeps_cone = ops.dot(point.normal, point.geometric) > 1.0 - 1e-9  # neither an interpolated nor a perturbed normal
+    keeps_cone = keeps_cone & (back | (mirrored == on))
+    crosslane.stack_store(stack, place, field, ops.where(keeps_cone, wide, 0.0), active)
+    crosslane.stack_store(stack, place, field + 1, ops.where(keeps_cone, ops.where(back, mirrored, on), 0.0), active)
 
 
 def put_cone(point: Surface, direction: Vec, stack: Any, place: Lane, field: int, active: Lane) -> None:
@@ -377,7 +378,7 @@ def _put_cone_in_kernels(point, direction, stack, place, field, active):
 
 
 @helper
-def _take_cone(cone: Any, plain: Any, stack: Any, place: Lane, field: int) -> tuple[Lane, Lane]:
+def _take_cone(cone: Any, default: Any, stack: Any, place: Lane, field: int) -> tuple[Lane, Lane]:
     return crosslane.stack_load(stack, place, field), crosslane.stack_load(stack, place, field + 1)
 
 
@@ -443,7 +444,7 @@ def _change_if_used(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[La
 
 @noinline_helper
 def _mapped_change(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
-    there = normal_map.shift_point(tables, point, hit, way, 1.0)
-    du, dv = there.uv[0] - point.uv[0], there.uv[1] - point.uv[1]
+    moved = normal_map.shift_point(tables, point, hit, way, 1.0)
+    du, dv = moved.uv[0] - point.uv[0], moved.uv[1] - point.uv[1]
     kind = tables.geometries.kind[tables.instances.geometry[point.instance]]
     return ops.where(kind == MESH, du, du - ops.floor(du + 0.5)), dv  # other shapes may have a seam

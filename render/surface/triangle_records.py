@@ -46,17 +46,17 @@ def build(
     Rounded even if there are none.
     """
     first = np.full(len(tables.instances.geometry), NONE, np.int32)
-    rows, corners, left = [np.zeros((0, 8), np.float32)], [], MOST
-    for i, how in sorted(chosen, key=lambda one: -one[1]):
+    rows, corners, budget = [np.zeros((0, 8), np.float32)], [], MOST
+    for i, how in sorted(chosen, key=lambda pair: -pair[1]):
         g = int(tables.instances.geometry[i])
         begin, count = int(tables.geometries.first_triangle[g]), int(tables.geometries.triangle_count[g])
-        if count > left or begin + count > EXACT or (how == ROUNDED and not _has_uniform_scale(tables, i)):
+        if count > budget or begin + count > EXACT or (how == ROUNDED and not _has_uniform_scale(tables, i)):
             continue
         first[i] = start + sum(map(len, rows)) - begin
         rows.append(_rows(tables, i, g, how))
         if how == ROUNDED:
             corners.append(_corners(tables, i, g))
-        left -= count
+        budget -= count
     if general and not corners:
         corners.append(np.zeros((1, CORNERS)))
     rounded = Rounded(np.concatenate(corners).ravel(), start) if corners else Flat()
@@ -108,37 +108,37 @@ def _corners(tables: ir.Tables, i: int, g: int) -> NDArray[np.float64]:
     edges = (b - a) @ linear, (c - a) @ linear
     face = np.cross(*edges)
     face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
-    made = np.zeros((len(numbers), CORNERS))
+    records = np.zeros((len(numbers), CORNERS))
     for k in range(3):
         begin = interaction.attribute_row(tables, g, row, numbers, k, True)
         normal = values[begin[:, None] + np.arange(3)] @ _to_world(tables, i)
-        made[:, 3 * k : 3 * k + 3] = normal
+        records[:, 3 * k : 3 * k + 3] = normal
         size = np.sum(normal * normal, axis=1)
         round_ = np.sum(normal * face, axis=1) ** 2 > interaction.COARSEST**2 * size
         for j in range(2):
             along = np.sum(normal * edges[j], axis=1) / np.maximum(size, 1e-30)
-            made[:, 9 + 2 * k + j] = np.where(round_ & np.isfinite(along), along, 0.0)
-    return made
+            records[:, 9 + 2 * k + j] = np.where(round_ & np.isfinite(along), along, 0.0)
+    return records
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
-    """(`normal`, or the interpolated one on its side in the lanes `here`; Surface.lift, for the outside where `side` is 1)."""
+def interpolate_normal(rounded: Any, normal: Vec, row: Lane, lanes: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+    """(`normal`, or the interpolated one on its side in the lanes `lanes`; Surface.lift, for the outside where `side` is 1)."""
     raise NotImplementedError
 
 
 @helper
-def _interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
-    at = ops.where(here, row - rounded.start, 0) * CORNERS
-    ax, ay, az, bx, by, bz, cx, cy = simd.gather_rows(rounded.corners, at, 8)
-    cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, at, 8, 8)
+def _interpolate_normal(rounded: Any, normal: Vec, row: Lane, lanes: Lane, u: Lane, v: Lane, side: Lane) -> tuple[Vec, Vec]:
+    element = ops.where(lanes, row - rounded.start, 0) * CORNERS
+    ax, ay, az, bx, by, bz, cx, cy = simd.gather_rows(rounded.corners, element, 8)
+    cz, a1, a2, b1, b2, c1, c2, _ = simd.gather_rows(rounded.corners, element, 8, 8)
     w = 1.0 - u - v
-    found = (ax * w + bx * u + cx * v, ay * w + by * u + cy * v, az * w + bz * u + cz * v)
-    size = ops.length(found)
-    good = here & (size > 1e-12) & ops.is_finite(size)
-    turned = ops.where(ops.dot(found, normal) < 0.0, -1.0, 1.0)
+    blended = (ax * w + bx * u + cx * v, ay * w + by * u + cy * v, az * w + bz * u + cz * v)
+    size = ops.length(blended)
+    good = lanes & (size > 1e-12) & ops.is_finite(size)
+    turned = ops.where(ops.dot(blended, normal) < 0.0, -1.0, 1.0)
     scale = turned / ops.where(good, size, 1.0)
     side = side * turned
     wa = side * w * ops.maximum(-side * (u * a1 + v * a2), 0.0)
@@ -146,11 +146,11 @@ def _interpolate_normal(rounded: Any, normal: Vec, row: Lane, here: Lane, u: Lan
     wc = side * v * ops.maximum(side * ((1.0 - v) * c2 - u * c1), 0.0)
     zero = 0.0 * u
     lift = (ax * wa + bx * wb + cx * wc, ay * wa + by * wb + cy * wc, az * wa + bz * wb + cz * wc)
-    return ops.where3(good, ops.scale(found, scale), normal), ops.where3(good, lift, (zero, zero, zero))
+    return ops.where3(good, ops.scale(blended, scale), normal), ops.where3(good, lift, (zero, zero, zero))
 
 
 @overload(interpolate_normal)
-def _interpolate_normal_in_kernels(rounded, normal, row, here, u, v, side):
+def _interpolate_normal_in_kernels(rounded, normal, row, lanes, u, v, side):
     if rounded.layout:
-        return lambda rounded, normal, row, here, u, v, side: _interpolate_normal(rounded, normal, row, here, u, v, side)
-    return lambda rounded, normal, row, here, u, v, side: (normal, (0.0 * u, 0.0 * u, 0.0 * u))
+        return lambda rounded, normal, row, lanes, u, v, side: _interpolate_normal(rounded, normal, row, lanes, u, v, side)
+    return lambda rounded, normal, row, lanes, u, v, side: (normal, (0.0 * u, 0.0 * u, 0.0 * u))

@@ -85,9 +85,9 @@ def _changes(tape: Any, places: list[int]) -> list[tuple[float, float]]:
     inputs = np.concatenate([rng.uniform(-1.0, 1.0, (3, 64)), rng.uniform(0.0, 1.0, (2, 64)), rng.normal(size=(3, 64))])
     inputs[5:] /= np.linalg.norm(inputs[5:], axis=0)
 
-    def coordinates(at: Any) -> Any:
+    def coordinates(point: Any) -> Any:
         grey = [np.full(64, 0.5)] * CHANNELS
-        named = definition.values(tape, at, lambda texture, s, t: grey)
+        named = definition.values(tape, point, lambda texture, s, t: grey)
         return np.array([[named[int(name)] for name in tape.code[place, 1:3]] for place in places])
 
     base, steps = coordinates(inputs), []
@@ -125,13 +125,13 @@ def _evaluate_filtered_in_kernels(tables, row, surface, spread):
 
 
 @noinline_helper
-def _mean_over_pixel(tables: Any, row: Lane, at: Inputs, spread: Any) -> Vec:
+def _mean_over_pixel(tables: Any, row: Lane, point: Inputs, spread: Any) -> Vec:
     """The mean over a parallelogram around a point: of SOME points, or of MOST where these differ much."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
     of_uv = ops.maximum(abs(spread[0]) + abs(spread[2]), abs(spread[1]) + abs(spread[3]))
     of_place = ops.maximum(ops.length(right), ops.length(down))
     wide = of_uv + of_place > 0.0
-    zero = 0.0 * at[0]
+    zero = 0.0 * point[0]
     total, square, count = (zero, zero, zero), zero, zero
     open_ = ops.bool_like(zero, True)
     widths = (of_uv * (1.0 / _ACROSS), of_place * (1.0 / _ACROSS))
@@ -139,9 +139,9 @@ def _mean_over_pixel(tables: Any, row: Lane, at: Inputs, spread: Any) -> Vec:
     while ops.any_lane(open_):
         number, side = (k >> 1) + 1, 1.0 - 2.0 * (k & 1)  # each point and its opposite: exact for linear patterns
         a, b = side * ((0.5 + STEP_A * number) % 1.0 - 0.5), side * ((0.5 + STEP_B * number) % 1.0 - 0.5)
-        p = ops.along(ops.along((at[0], at[1], at[2]), right, zero + a), down, zero + b)
-        u, v = at[3] + a * spread[0] + b * spread[2], at[4] + a * spread[1] + b * spread[3]
-        red, green, blue = evaluate(tables, row, (p[0], p[1], p[2], u, v, at[5], at[6], at[7]), widths)
+        p = ops.along(ops.along((point[0], point[1], point[2]), right, zero + a), down, zero + b)
+        u, v = point[3] + a * spread[0] + b * spread[2], point[4] + a * spread[1] + b * spread[3]
+        red, green, blue = evaluate(tables, row, (p[0], p[1], p[2], u, v, point[5], point[6], point[7]), widths)
         grey = red + green + blue
         total = ops.where3(open_, ops.add(total, (red, green, blue)), total)
         square = ops.where(open_, square + grey * grey, square)
@@ -157,12 +157,12 @@ def _mean_over_pixel(tables: Any, row: Lane, at: Inputs, spread: Any) -> Vec:
 # --- at points ----------------------------------------------------------------------------------------------------------
 
 
-def evaluate(tables: Any, row: Lane, at: Inputs, widths: Any) -> Vec:
+def evaluate(tables: Any, row: Lane, point: Inputs, widths: Any) -> Vec:
     """The color of patterns and graphs (rows of Textures) at points; numbers are gray, undefined values 0.
 
     `widths` are the changes of (u and v, the position) over a footprint that pictures are averaged over, or None.
     """
-    inputs = np.array(np.broadcast_arrays(*at), np.float64)
+    inputs = np.array(np.broadcast_arrays(*point), np.float64)
     rows = np.broadcast_to(row, inputs.shape[1:])
     result = np.zeros(inputs.shape)[:3]
     lookups = tables.textures.lookups
@@ -185,44 +185,44 @@ def evaluate(tables: Any, row: Lane, at: Inputs, widths: Any) -> Vec:
 
 
 @overload(evaluate)
-def _evaluate_in_kernels(tables, row, at, widths):
-    if isinstance(at[0], simd.Vector) and at[0].bits == 32:
+def _evaluate_in_kernels(tables, row, point, widths):
+    if isinstance(point[0], simd.Vector) and point[0].bits == 32:
         return _evaluate_float32
     return _evaluate_lanes if isinstance(row, simd.Vector) else _evaluate_scalar
 
 
-def _evaluate_float32(tables, row, at, widths):
+def _evaluate_float32(tables, row, point, widths):
     """For float32 lanes, which no scene with patterns gets from the plan."""
-    zero = 0.0 * at[0]
+    zero = 0.0 * point[0]
     return zero, zero, zero
 
 
-def _evaluate_lanes(tables, row, at, widths):
-    zero = 0.0 * at[0]
+def _evaluate_lanes(tables, row, point, widths):
+    zero = 0.0 * point[0]
     result = (zero, zero, zero)
-    rest = ops.bool_like(zero, True)
-    while ops.any_lane(rest):
-        texture, lanes = crosslane.uniform_group(row, rest)
-        result = ops.where3(lanes, evaluate(tables, texture, at, widths), result)
-        rest = rest & ops.not_(lanes)
+    pending = ops.bool_like(zero, True)
+    while ops.any_lane(pending):
+        texture, lanes = crosslane.uniform_group(row, pending)
+        result = ops.where3(lanes, evaluate(tables, texture, point, widths), result)
+        pending = pending & ops.not_(lanes)
     return result
 
 
-def _evaluate_scalar(tables, row, at, widths):
+def _evaluate_scalar(tables, row, point, widths):
     tape = np.int64(tables.textures.tape[row])
-    zero = 0.0 * at[0]
+    zero = 0.0 * point[0]
     if tape < 0:
         return zero, zero, zero
     registers = simd.stack_array(np.float64, _ROOM)
     lanes = ops.to_float(crosslane.lane_indices(0)) * 0.0
-    crosslane.store(registers, 0, lanes + at[0])
-    crosslane.store(registers, 1, lanes + at[1])
-    crosslane.store(registers, 2, lanes + at[2])
-    crosslane.store(registers, U, lanes + at[3])
-    crosslane.store(registers, U + 1, lanes + at[4])
-    crosslane.store(registers, U + 2, lanes + at[5])
-    crosslane.store(registers, U + 3, lanes + at[6])
-    crosslane.store(registers, U + 4, lanes + at[7])
+    crosslane.store(registers, 0, lanes + point[0])
+    crosslane.store(registers, 1, lanes + point[1])
+    crosslane.store(registers, 2, lanes + point[2])
+    crosslane.store(registers, U, lanes + point[3])
+    crosslane.store(registers, U + 1, lanes + point[4])
+    crosslane.store(registers, U + 2, lanes + point[5])
+    crosslane.store(registers, U + 3, lanes + point[6])
+    crosslane.store(registers, U + 4, lanes + point[7])
     first, begin = np.int64(tables.tapes.first[tape]), np.int64(tables.tapes.first_constant[tape])
     lookups = tables.textures.lookups
     done, k = np.int64(0), np.int64(lookups.first[row])
@@ -230,7 +230,7 @@ def _evaluate_scalar(tables, row, at, widths):
     while k < last:
         place = np.int64(lookups.row[k])
         _run(tables.pools.code, first + done, place - done, tables.pools.constants, begin, registers, done)
-        s, t = _value(tables, lookups.s[k], begin, registers, at[0]), _value(tables, lookups.t[k], begin, registers, at[0])
+        s, t = _value(tables, lookups.s[k], begin, registers, point[0]), _value(tables, lookups.t[k], begin, registers, point[0])
         picture = ops.to_int(zero) + np.int64(lookups.texture[k])
         red, green, blue, alpha = _picture(tables, picture, s, t, _span(lookups, k, widths))
         crosslane.store(registers, INPUTS + place, lanes + red)
@@ -241,10 +241,10 @@ def _evaluate_scalar(tables, row, at, widths):
         k += 1
     _run(tables.pools.code, first + done, np.int64(tables.tapes.count[tape]) - done, tables.pools.constants, begin, registers, done)
     results, several = tables.tapes.results, tables.tapes.result_count[tape] > 1
-    r = _value(tables, results[tape, 0], begin, registers, at[0])
+    r = _value(tables, results[tape, 0], begin, registers, point[0])
     if not several:
         return r, r, r
-    return r, _value(tables, results[tape, 1], begin, registers, at[0]), _value(tables, results[tape, 2], begin, registers, at[0])
+    return r, _value(tables, results[tape, 1], begin, registers, point[0]), _value(tables, results[tape, 2], begin, registers, point[0])
 
 
 def _span(lookups: Any, k: Any, widths: Any) -> Any:

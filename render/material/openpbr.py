@@ -78,14 +78,14 @@ class SlabTables(NamedTuple):
     passages: Any  # Passages or NoPassages
 
 
-def tables_of(tables: ir.Tables) -> SlabTables | NoSlabs:
-    """The tables if a material of an instance is OpenPBR's. General kernels have none: such scenes compile kernels of their own."""
+def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
+    """The tables if a material of an instance is OpenPBR's. General kernels of such scenes have all its parts."""
     if not (traits.slabs(tables) & traits.used(tables)).any():
         return NoSlabs()
     used = traits.used(tables)
-    turned = tangent_frame.Turned(1) if (traits.anisotropic(tables) & used).any() else tangent_frame.Round()
-    films = Films(1) if (traits.filmed(tables) & used).any() else NoFilms()
-    passages = Passages(1) if (traits.passed(tables) & used).any() else NoPassages()
+    turned = tangent_frame.Turned(1) if general or (traits.anisotropic(tables) & used).any() else tangent_frame.Round()
+    films = Films(1) if general or (traits.filmed(tables) & used).any() else NoFilms()
+    passages = Passages(1) if general or (traits.passed(tables) & used).any() else NoPassages()
     return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages)
 
 

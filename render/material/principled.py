@@ -70,7 +70,7 @@ def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...]
         sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
         rough_dielectric.tables_of(tables, general), media, blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general), body_coat.tables_of(tables, general),
-        openpbr.tables_of(tables), dispersion.tables_of(tables, media, space) if space else dispersion.NoDispersion(),
+        openpbr.tables_of(tables, general), dispersion.tables_of(tables, media, space) if space else dispersion.NoDispersion(),
     )  # fmt: skip
     absent = (
         Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded,

@@ -34,7 +34,7 @@ from .anisotropic_facets import Facets
 from .slab_passage import Passage
 
 LEAST = 1e-7
-UNEVEN = 0.28, 0.03  # greatest gain by round facets in place of lines: of further bounces of a metal, of what passes a dielectric
+UNEVEN = 0.34, 0.03  # greatest gain by round facets in place of lines: of further bounces of a metal, of what passes a dielectric
 ROUGH_EXCESS = 0.07  # greatest gain of a rough diffuse base under a boundary, over the deviation of the boundary's albedo
 
 

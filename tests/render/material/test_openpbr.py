@@ -35,7 +35,7 @@ WHITE = {
     "all": {"base_metalness": 0.3, "base_diffuse_roughness": 0.5, "coat_weight": 0.7, "coat_roughness": 0.4, "fuzz_weight": 0.5},
 }
 LEAST = {
-    "film": 0.85, "film on metal": 0.6, "metal of lines": 0.6, "lines": 0.88, "coated metal": 0.93, "rough base": 0.95,
+    "film": 0.85, "film on metal": 0.6, "metal of lines": 0.52, "lines": 0.88, "coated metal": 0.93, "rough base": 0.95,
 }  # fmt: skip; at any roughness and angle
 
 

@@ -18,7 +18,7 @@ from .. import simd
 from ..formula import scene_tables
 from ..formula import tables as formula_tables
 from ..geometry import bounds
-from .bvh_build import tlas, tree_cache, wide_bvh
+from .bvh_build import opacity_maps, tlas, tree_cache, wide_bvh
 from .bvh_build.scene_layout import CAMERA_REST, INSTANCE_ROW, SHADOW_REST, Bvh, KernelAddress, MotionAlpha, Nothing
 from .bvh_build.wide_bvh import Wide
 from .traverse import instance_extent
@@ -97,7 +97,8 @@ def _motion_alpha(
         return Nothing()
     inside, unbounded = (np.flatnonzero(which & chosen).astype(np.int32) for chosen in (bounded, ~bounded))
     opacity, motion = (KernelAddress() if needed else Nothing() for needed in (partial.any() or general, moving or general))
-    return MotionAlpha(tlas.build(boxes, inside, threads), unbounded, partial, tables, opacity=opacity, moving=motion)
+    maps = opacity_maps.build(tables, partial & which) if partial.any() or general else Nothing()
+    return MotionAlpha(tlas.build(boxes, inside, threads), unbounded, partial, tables, opacity=opacity, moving=motion, maps=maps)
 
 
 def frames(tables: ir.Tables, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -42,6 +42,7 @@ class MotionAlpha(NamedTuple):
     opaque_search: int = 0  # address of two_level.search, for all other instances
     opacity: Any = Nothing()  # KernelAddress of motion_alpha.opacity_kernel, if some are partial
     moving: Any = Nothing()  # KernelAddress of motion_alpha.search_moving, if some move
+    maps: Any = Nothing()  # OpacityMaps, if some are partial
 
 
 class Bvh(NamedTuple):

@@ -1,7 +1,8 @@
 """Traversal of moving or partly transparent instances, which have a BVH of their own.
 
-A ray first traverses the BVH of all other instances. It then traverses this BVH alone, up to the hit so far. Opacity is evaluated during
-the traversal: a hit of opacity 0 does not count. A shadow ray multiplies the transmittance of all surfaces, in the order of traversal.
+A ray first traverses the BVH of all other instances. It then traverses this BVH alone, up to the hit so far. Opacity is looked up in maps
+of triangles (bvh_build/opacity_maps.py) or evaluated during the traversal: a hit of opacity 0 does not count. A shadow ray multiplies the
+transmittance of all surfaces, in the order of traversal.
 Scenes without such instances compile none of this.
 """
 
@@ -23,7 +24,7 @@ from ...lanes.kinds import FLOAT
 from ...simd.registration import overload, types
 from ...surface import alpha, interaction
 from ...types import Hit, Lane, Ray, Vec
-from ..bvh_build import tlas
+from ..bvh_build import opacity_maps, tlas
 from ..bvh_build.scene_layout import EXTENT, GEOMETRY, KIND, MESH, NO_MESHES, ROOT, TRANSFORM, VISIBILITY, absent_features
 from ..bvh_build.wide_bvh import DEPTH, spread64, triangle_of
 from . import node_stack, ray_box, ray_state, shape_hit, single_ray, triangle_filter, two_level
@@ -109,10 +110,24 @@ def _opacity_in_kernels(accel, ray, t, i, primitive, u, v):
     def evaluate(accel, ray, t, i, primitive, u, v):
         if not accel.motion_alpha.partial[i]:
             return 1.0
+        state = _state_of(accel.motion_alpha.maps, i, primitive, u, v)
+        if state != opacity_maps.UNKNOWN:
+            return 1.0 if state == opacity_maps.OPAQUE else 0.0
         time = _time_or_opening(ray.time)
         return call_opacity(accel.motion_alpha.opacity.address, (accel, ray.origin, ray.direction, t, i, primitive, u, v, time))  # pyright: ignore
 
     return evaluate
+
+
+@helper
+def _state_of(maps: Any, i: int, primitive: Any, u: Any, v: Any) -> Any:
+    """The state of the cell of an opacity map at barycentrics of a triangle of instance i."""
+    first = maps.first[i]
+    if first == opacity_maps.NONE:
+        return opacity_maps.UNKNOWN
+    size = np.int64(maps.size)
+    column, row = min(max(np.int64(u * size), 0), size - 1), min(max(np.int64(v * size), 0), size - 1)
+    return np.int64(maps.cells[(np.int64(maps.of_triangle[first + primitive]) * size + row) * size + column])
 
 
 @helper

@@ -18,6 +18,7 @@ from ...surface import interaction
 UNKNOWN, OPAQUE, ABSENT = 0, 1, 2
 SIZES = 64, 32, 16, 8, 4  # cells along an edge
 MOST_CELLS = 1 << 22  # of all maps
+MOST_TRIANGLES = 1 << 20  # with more, none has a map: a second for a million
 EDGE = 1e-3  # texels by which the texels of a cell reach farther, for rounding
 OPACITY = int(ir.Slot.OPACITY)
 
@@ -45,17 +46,16 @@ def build(tables: ir.Tables, partial: NDArray[np.bool_]) -> OpacityMaps:
     texture = tables.materials.textures[material, OPACITY]
     mapped = partial & (geometries.kind[g] == ir.GeometryKind.MESH) & (geometries.uvs[g] >= 0) & (geometries.triangle_count[g] > 0)
     mapped &= _has_image(tables)[texture] if len(tables.textures.kind) else False
-    corners, groups, count = [], [], 0
-    for geometry, row in sorted(set(zip(g[mapped].tolist(), material[mapped].tolist(), strict=True))):
-        start, triangles = int(geometries.first_triangle[geometry]), int(geometries.triangle_count[geometry])
-        first[mapped & (g == geometry) & (material == row)] = count - start
-        corners.append(_corner_uvs(tables, geometry, start, triangles))
-        groups.append(np.full(triangles, row))
-        count += triangles
-    if not count:
+    pairs, pair = np.unique(np.stack([g[mapped], material[mapped]]), axis=1, return_inverse=True)
+    triangles = geometries.triangle_count[pairs[0]].astype(np.int64)
+    count = int(triangles.sum())
+    if not 0 < count <= MOST_TRIANGLES:
         return OpacityMaps(first, np.zeros(0, np.int32), np.zeros(0, np.uint8), SIZES[-1])
-    keys = np.column_stack([np.concatenate(groups), np.concatenate(corners)])
-    unique, of_triangle = np.unique(keys, axis=0, return_inverse=True)
+    start = geometries.first_triangle[pairs[0]].astype(np.int64)
+    first[mapped] = (np.cumsum(triangles) - triangles - start)[pair.ravel()]
+    corners = [_corner_uvs(tables, *(int(x) for x in mesh)) for mesh in zip(pairs[0], start, triangles, strict=True)]
+    keys = np.column_stack([np.repeat(pairs[1], triangles), np.concatenate(corners)])
+    unique, of_triangle = _unique_rows(keys)
     size = next((n for n in SIZES if len(unique) * n * n <= MOST_CELLS), 0)
     if not size:
         return OpacityMaps(np.full_like(first, NONE), np.zeros(0, np.int32), np.zeros(0, np.uint8), SIZES[-1])
@@ -63,7 +63,20 @@ def build(tables: ir.Tables, partial: NDArray[np.bool_]) -> OpacityMaps:
     for row in np.unique(unique[:, 0]).astype(np.int64):
         chosen = unique[:, 0] == row
         cells[chosen] = _classify(tables, int(row), unique[chosen, 1:], size)
-    return OpacityMaps(first, of_triangle.ravel().astype(np.int32), cells.ravel(), size)
+    return OpacityMaps(first, of_triangle.astype(np.int32), cells.ravel(), size)
+
+
+def _unique_rows(keys: F64) -> tuple[F64, NDArray[np.int64]]:
+    """(rows that differ, row of each) by a hash, a twentieth of np.unique's time; rows of equal hashes are compared."""
+    factors = np.random.default_rng(1).integers(1 << 62, size=keys.shape[1], dtype=np.uint64) * np.uint64(2) + np.uint64(1)
+    mixed = np.ascontiguousarray(keys).view(np.uint64) * factors
+    mixed = ((mixed ^ (mixed >> np.uint64(29))) * factors[::-1]).sum(axis=1, dtype=np.uint64)
+    _, first, row = np.unique(mixed, return_index=True, return_inverse=True)
+    unique, row = keys[first], row.ravel()
+    if np.array_equal(unique[row], keys):
+        return unique, row
+    unique, row = np.unique(keys, axis=0, return_inverse=True)
+    return unique, row.ravel()
 
 
 def _has_image(tables: ir.Tables) -> NDArray[np.bool_]:

@@ -95,9 +95,12 @@ def test_many_triangles_have_coarser_maps_or_none(monkeypatch):
     partial = traits.partial(tables)[tables.instances.material]
     monkeypatch.setattr(opacity_maps, "MOST_CELLS", 24 * 16 * 16)
     assert opacity_maps.build(tables, partial).size == 16
-    monkeypatch.setattr(opacity_maps, "MOST_CELLS", 24)
-    maps = opacity_maps.build(tables, partial)
-    assert np.all(maps.first == opacity_maps.NONE)
+    for name, limit in (("MOST_CELLS", 24), ("MOST_TRIANGLES", 23)):
+        with monkeypatch.context() as patch:
+            patch.setattr(opacity_maps, name, limit)
+            maps = opacity_maps.build(tables, partial)
+        assert np.all(maps.first == opacity_maps.NONE)
+        assert len(maps.cells) == 0
 
 
 @pytest.mark.parametrize("bit", [1, 2])

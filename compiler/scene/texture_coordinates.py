@@ -6,6 +6,8 @@ import numpy as np
 
 from ...lang.diagnostics import Diagnostics
 from .. import ir
+from ..formula.tape import load_tape
+from ..texture_graph import opcodes as graph_opcodes
 
 
 def warn_of_missing_coordinates(scene: ir.Scene, diagnostics: Diagnostics) -> None:
@@ -13,9 +15,11 @@ def warn_of_missing_coordinates(scene: ir.Scene, diagnostics: Diagnostics) -> No
     tables = scene.tables
     textures, materials, images, instances = tables.textures, tables.materials, tables.images, tables.instances
     shown = np.asarray((textures.kind == ir.TextureKind.IMAGE) & (textures.mapping == ir.TextureMapping.UV))
-    if not shown.any():
+    if not shown.any() and not (textures.kind == ir.TextureKind.FORMULA).any():
         return
     shown[shown] = (images.width * images.height)[textures.image[shown]] > 1
+    for row in np.flatnonzero(textures.kind == ir.TextureKind.FORMULA).tolist():
+        shown[row] = graph_opcodes.reads_coordinates(load_tape(tables, int(textures.tape[row])))
     needs = np.asarray(np.append(shown, False)[materials.textures].any(axis=1))
     for row in np.flatnonzero(materials.model == ir.MaterialModel.BLEND).tolist():
         needs[row] = needs[materials.first[row]] or needs[materials.second[row]]

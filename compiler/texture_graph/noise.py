@@ -85,7 +85,7 @@ def perlin(m: Any, point: tuple[Number, ...], channel: int) -> Number:
     """Gradient noise in two or three dimensions: of one number (channel -1), or a channel of three."""
     floors = [m.floor(x) for x in point]
     cells = [m.to_bits(x) for x in floors]
-    parts = [x - whole for x, whole in zip(point, floors, strict=True)]
+    parts = [x - low for x, low in zip(point, floors, strict=True)]
     fades = [t * t * t * (t * (t * 6.0 - 15.0) + 10.0) for t in parts]
     corners: list[Number] = []
     for corner in range(1 << len(point)):

@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 
 from ..formula import opcodes as formula_opcodes
-from ..formula.tape import INPUTS
+from ..formula.tape import INPUTS, Tape
 
 MOST_ROWS = 2040  # of a tape
 U, V, NORMAL_X, NORMAL_Y, NORMAL_Z = range(2048, 2053)  # the normal in the frame of the instance
@@ -56,6 +56,12 @@ def arity(op: int) -> int:
 def is_graph(code: np.ndarray, results: Sequence[int]) -> bool:
     """Whether a tape has an operation or a name of texture graphs alone."""
     return bool((code[:, 0] >= FIRST).any() or (code[:, 1:] >= U).any()) or max(results, default=0) >= U
+
+
+def reads_coordinates(tape: Tape) -> bool:
+    """Whether a tape reads u or v."""
+    names = [name for op, *operands in tape.code.tolist() for name in operands[: arity(op)]]
+    return not {U, V}.isdisjoint([*names, *tape.results])
 
 
 def is_valid(code: np.ndarray, numbers: int, results: np.ndarray) -> bool:

@@ -300,13 +300,13 @@ def rgbtohsv(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]
 def hsvtorgb(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
     b, names = e.builder, e.input(node, "in", count)
     hue, saturation, value = names[:3]
-    one, zero = b.constant(1.0), b.constant(0.0)
-    sector = b.scale(b.op(Op.MOD, hue, one), 6.0)
+    unity, zero = b.constant(1.0), b.constant(0.0)
+    sector = b.scale(b.op(Op.MOD, hue, unity), 6.0)
 
     def channel(shift: float) -> int:
         """The value less a trapezium over the sectors: v − v s max(0, min(k, 4 − k, 1)), k = (sector + shift) mod 6."""
         k = b.op(Op.MOD, b.offset(sector, shift), b.constant(6.0))
-        rise = b.op(Op.MAX, zero, b.op(Op.MIN, b.op(Op.MIN, k, b.subtract(b.constant(4.0), k)), one))
+        rise = b.op(Op.MAX, zero, b.op(Op.MIN, b.op(Op.MIN, k, b.subtract(b.constant(4.0), k)), unity))
         return b.subtract(value, b.multiply(b.multiply(value, saturation), rise))
 
     return [channel(5.0), channel(3.0), channel(1.0), *names[3:]]
@@ -359,10 +359,10 @@ def composite(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int
     """Porter and Duff's operations on colours with alpha."""
     b, category = e.builder, library.category(node)
     fg, bg, share = e.input(node, "fg", 4), e.input(node, "bg", 4), e.scalar(node, "mix", 1.0)
-    one = b.constant(1.0)
-    rest = b.subtract(one, fg[3])
+    unity = b.constant(1.0)
+    rest = b.subtract(unity, fg[3])
     if category in ("in", "out"):
-        weight = bg[3] if category == "in" else b.subtract(one, bg[3])
+        weight = bg[3] if category == "in" else b.subtract(unity, bg[3])
         mixed = [b.multiply(name, weight) for name in fg]
     elif category == "mask":
         mixed = [b.multiply(name, fg[3]) for name in bg]
@@ -373,11 +373,11 @@ def composite(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int
         mixed.append(b.add(fg[3], b.multiply(bg[3], rest)))
     else:
         alpha = b.add(fg[3], bg[3])
-        share_of_bg = b.at_most(alpha, one, one, b.divide(rest, bg[3]))
-        empty = b.at_most(alpha, one, b.constant(-1.0), b.subtract(b.op(Op.ABS, bg[3]), b.constant(EPSILON)))
+        share_of_bg = b.at_most(alpha, unity, unity, b.divide(rest, bg[3]))
+        empty = b.at_most(alpha, unity, b.constant(-1.0), b.subtract(b.op(Op.ABS, bg[3]), b.constant(EPSILON)))
         sums = [b.add(f, b.multiply(g, share_of_bg)) for f, g in zip(fg[:3], bg[:3], strict=True)]
-        opaque = b.at_most(alpha, one, b.constant(1.0), empty)
-        mixed = [b.op(Op.CHOOSE, opaque, b.constant(0.0), name) for name in sums] + [b.op(Op.MIN, alpha, one)]
+        opaque = b.at_most(alpha, unity, b.constant(1.0), empty)
+        mixed = [b.op(Op.CHOOSE, opaque, b.constant(0.0), name) for name in sums] + [b.op(Op.MIN, alpha, unity)]
     return [b.mix(g, name, share) for g, name in zip(bg, mixed, strict=True)]
 
 

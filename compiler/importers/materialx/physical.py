@@ -44,16 +44,16 @@ def roughness_dual(e: Evaluator, node: Node, output: str, count: int) -> Sequenc
 @handles("artistic_ior")
 def artistic_ior(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
     """Gulbrandsen, Artist Friendly Metallic Fresnel, Journal of Computer Graphics Techniques 3 (4), 2014."""
-    b, one = e.builder, e.builder.constant(1.0)
+    b, unity = e.builder, e.builder.constant(1.0)
     result = []
     for color, edge in zip(e.input(node, "reflectivity", 3), e.input(node, "edge_color", 3), strict=True):
         r = b.clamp(color, b.constant(0.0), b.constant(0.99))
         root = b.op(Op.SQRT, r)
-        low = b.divide(b.subtract(one, r), b.add(one, r))
-        high = b.divide(b.add(one, root), b.subtract(one, root))
+        low = b.divide(b.subtract(unity, r), b.add(unity, r))
+        high = b.divide(b.add(unity, root), b.subtract(unity, root))
         n = b.mix(high, low, edge)
         up, down = b.offset(n, 1.0), b.offset(n, -1.0)
-        square = b.divide(b.subtract(b.multiply(r, b.multiply(up, up)), b.multiply(down, down)), b.subtract(one, r))
+        square = b.divide(b.subtract(b.multiply(r, b.multiply(up, up)), b.multiply(down, down)), b.subtract(unity, r))
         result.append(n if output == "ior" else b.op(Op.SQRT, b.op(Op.MAX, square, b.constant(0.0))))
     return result
 

@@ -71,14 +71,14 @@ def hextiled(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]
 
 def _hexagons(e: Evaluator, place: Sequence[int]) -> list[tuple[Names, int]]:
     """The three corners of the triangle around a place: (whole coordinates in the skewed grid, weight)."""
-    b, one = e.builder, e.builder.constant(1.0)
+    b, unity = e.builder, e.builder.constant(1.0)
     x, y = (b.scale(name, _FIT) for name in place)
     skewed = b.subtract(x, b.scale(y, _SKEW)), b.scale(y, _HEIGHT)
     base = [b.op(Op.FLOOR, name) for name in skewed]
     p, q = (b.subtract(name, low) for name, low in zip(skewed, base, strict=True))
-    r = b.subtract(b.subtract(one, p), q)
-    s = b.at_most(r, b.constant(0.0), one, b.constant(0.0))
-    sign, t = b.offset(b.scale(s, 2.0), -1.0), b.subtract(one, s)
+    r = b.subtract(b.subtract(unity, p), q)
+    s = b.at_most(r, b.constant(0.0), unity, b.constant(0.0))
+    sign, t = b.offset(b.scale(s, 2.0), -1.0), b.subtract(unity, s)
     weights = [b.op(Op.NEGATE, b.multiply(r, sign)), b.subtract(s, b.multiply(q, sign)), b.subtract(s, b.multiply(p, sign))]
     cells = [(s, s), (s, t), (t, s)]
     return [((b.add(base[0], i), b.add(base[1], j)), w) for (i, j), w in zip(cells, weights, strict=True)]
@@ -103,11 +103,11 @@ def _in_hexagon(e: Evaluator, node: Node, place: Sequence[int], cell: Names) -> 
 
 
 def _hash(e: Evaluator, x: int, y: int) -> Sequence[int]:
-    b, one = e.builder, e.builder.constant(1.0)
-    p = [b.op(Op.MOD, b.scale(name, k), one) for name, k in ((x, 0.1031), (y, 0.1030), (x, 0.0973))]
+    b, unity = e.builder, e.builder.constant(1.0)
+    p = [b.op(Op.MOD, b.scale(name, k), unity) for name, k in ((x, 0.1031), (y, 0.1030), (x, 0.0973))]
     shift = dot(e, p, [b.offset(name, 33.33) for name in (p[1], p[2], p[0])])
     p = [b.add(name, shift) for name in p]
-    return [b.op(Op.MOD, b.multiply(b.add(p[0], q), r), one) for q, r in ((p[1], p[2]), (p[2], p[1]))]
+    return [b.op(Op.MOD, b.multiply(b.add(p[0], q), r), unity) for q, r in ((p[1], p[2]), (p[2], p[1]))]
 
 
 def _with_falloff(e: Evaluator, weights: list[int], falloff: int) -> list[int]:

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from maquette.compiler import ir
 from maquette.compiler.formula.opcodes import Op
-from maquette.compiler.scene.row_records import Input, MaterialData, TextureData
+from maquette.compiler.formula.tape import Tape, load_tape
+from maquette.compiler.scene import defaults, serialize
+from maquette.compiler.scene.builder import SceneBuilder
+from maquette.compiler.scene.row_records import Input, InstanceData, MaterialData, TextureData
+from maquette.compiler.scene.validate import validate
 from maquette.compiler.texture_graph import evaluate, noise
 from maquette.compiler.texture_graph.graph_builder import GraphBuilder, TooLarge
 from maquette.compiler.texture_graph.opcodes import MOST_ROWS, NORMAL_X, STREAMS, U, V
@@ -100,3 +104,46 @@ def test_a_division_by_zero_is_no_number_and_too_many_operations_raise():
     with pytest.raises(TooLarge, match=str(MOST_ROWS)):
         [b.op(Op.COS, b.offset(U, k)) for k in range(1, 10)]
     assert STREAMS[0] > MOST_ROWS
+
+
+def complete(builder):
+    """A scene with a shape, a camera and lights."""
+    builder.instance(InstanceData(builder.geometry(K.SPHERE, (1.0,)), 0, builder.default_material()))
+    defaults.add(builder, ir.Settings())
+    return builder.finish()
+
+
+@pytest.mark.parametrize("fault", ["operand", "picture", "channel", "surface"])
+def test_a_graph_that_does_not_hold_together_is_an_error(fault):
+    """An operand that is not yet defined, a look-up of no picture, one without its channels, and a graph as a surface."""
+    b, graph = SceneBuilder(), GraphBuilder()
+    picture = b.texture(TextureData(ir.TextureKind.IMAGE, image=b.image(np.ones((1, 1, 4), np.float32))))
+    texels = graph.look_up(picture, U, V)
+    tape = graph.finish(graph.add(texels[0], texels[3]))
+    code, constants = tape.code.copy(), tape.constants.copy()
+    if fault == "operand":
+        code[-1, 1] = U + 900
+    elif fault == "picture":
+        constants[:] = 7.0
+    elif fault == "channel":
+        code[1, 0] = int(Op.COPY)
+    row = b.tape(Tape(code, constants, tape.results))
+    b.texture(TextureData(ir.TextureKind.FORMULA, tape=row))
+    if fault == "surface":
+        b.formula(Tape(code, constants, tape.results), np.array([[-1.0] * 3, [1.0] * 3]), (0.0,) * 6)
+    _, diagnostics = validate(complete(b))
+    assert any("its code does not hold together" in item.message for item in diagnostics.items)
+
+
+def test_a_graph_survives_being_saved(tmp_path):
+    b, graph = SceneBuilder(), GraphBuilder()
+    picture = b.texture(TextureData(ir.TextureKind.IMAGE, image=b.image(np.ones((1, 1, 4), np.float32))))
+    tape = graph.finish(*graph.look_up(picture, U, graph.op(G.PERLIN2, U, V))[:3])
+    b.texture(TextureData(ir.TextureKind.FORMULA, tape=b.tape(tape)))
+    scene, diagnostics = validate(complete(b))
+    assert diagnostics.items == []
+    path = tmp_path / "a.npz"
+    serialize.save(scene, path)
+    tables = serialize.load(path).tables
+    again = load_tape(tables, int(tables.textures.tape[1]))
+    assert (again.code.tolist(), again.constants.tolist(), again.results) == (tape.code.tolist(), tape.constants.tolist(), tape.results)

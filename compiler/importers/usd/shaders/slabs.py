@@ -327,20 +327,20 @@ class Rows:
         return self.arithmetic.times(inputs[name], self.arithmetic.less(inputs["base_metalness"], self.place), self.place)
 
     def _slabs(self, inputs: Mapping[str, Any], medium: int = -1) -> MaterialData:
-        given = {
+        slots = {
             slot: self._share(self.reader.number(inputs[name], default), most)
             for name, (slot, default, most, _) in openpbr.NUMBERS.items()
         }
-        given |= {slot: self.reader.color(inputs[name], (grey,) * 3) for name, (slot, grey, _) in openpbr.COLORS.items()}
+        slots |= {slot: self.reader.color(inputs[name], (grey,) * 3) for name, (slot, grey, _) in openpbr.COLORS.items()}
         if "emission" in inputs:
-            given[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
+            slots[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
         if inputs[_THIN]:
-            given[Slot.THIN_WALLED] = Input.number(1.0)
+            slots[Slot.THIN_WALLED] = Input.number(1.0)
             anisotropy = self.reader.constant(inputs["subsurface_scatter_anisotropy"], 0.0)
-            given[Slot.SUBSURFACE_ANISOTROPY] = Input.number(min(max(anisotropy, -1.0), 1.0))
+            slots[Slot.SUBSURFACE_ANISOTROPY] = Input.number(min(max(anisotropy, -1.0), 1.0))
         elif self._depth(inputs) > 0.0:
-            given[Slot.TRANSMISSION_COLOR] = Input(WHITE)
-        return openpbr.data(given | self.maps, name=self.name, medium=medium)
+            slots[Slot.TRANSMISSION_COLOR] = Input(WHITE)
+        return openpbr.data(slots | self.maps, name=self.name, medium=medium)
 
     def _depth(self, inputs: Mapping[str, Any]) -> float:
         return self.reader.constant(inputs["transmission_depth"], 0.0) * self.metres
@@ -391,12 +391,12 @@ class Rows:
         if depth > 0.0 and color.texture < 0:
             absorption = as_color(-math.log(min(max(c, openpbr.DARKEST), 1.0)) / depth + 0.0 for c in color.value)
             color = Input(WHITE)
-        given = {
+        slots = {
             Slot.TRANSMISSION: color, Slot.IOR: self.reader.number(inputs["specular_ior"], 1.5), Slot.ABSORPTION: Input(absorption),
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0), Slot.PRIORITY: Input.number(0.0),
             Slot.DISPERSION: Input.number(self._dispersion(inputs)),
         }  # fmt: skip
-        return MaterialData(ir.MaterialModel.GLASS, given | self.maps, name=self.name)
+        return MaterialData(ir.MaterialModel.GLASS, slots | self.maps, name=self.name)
 
     def _dispersion(self, inputs: Mapping[str, Any]) -> float:
         """20 over the Abbe number, by the scale; 0 of thin walls, which bend no light."""
@@ -406,13 +406,13 @@ class Rows:
 
     def _body(self, inputs: Mapping[str, Any], color: Input) -> MaterialData:
         """A body whose colour has a texture."""
-        given = {
+        slots = {
             Slot.AMBIENT: color, Slot.DIFFUSE_TRANSMISSION: Input(WHITE), Slot.RADIUS: Input.number(1.0),
             Slot.IOR: self.reader.number(inputs["specular_ior"], 1.5),
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
         }  # fmt: skip
         medium = self._medium(inputs, color.value)
-        return MaterialData(ir.MaterialModel.SUBSURFACE, given | self.maps, name=self.name, medium=medium)
+        return MaterialData(ir.MaterialModel.SUBSURFACE, slots | self.maps, name=self.name, medium=medium)
 
     def _lengths(self, inputs: Mapping[str, Any]) -> Color:
         parts = []

@@ -59,10 +59,10 @@ def value(of, output="out", host=None):
     evaluator = Evaluator(host or Host())
     names = evaluator.node(of, output)
     inputs = [np.array([number]) for number in (*POINT, *UV, *NORMAL)]
-    found = []
+    numbers = []
     for k in range(0, len(names), 3):
-        found += [float(r[0]) for r in evaluate.results(evaluator.builder.finish(*names[k : k + 3]), inputs, picture)]
-    return found
+        numbers += [float(r[0]) for r in evaluate.results(evaluator.builder.finish(*names[k : k + 3]), inputs, picture)]
+    return numbers
 
 
 A, B = (0.2, 0.5, 0.9), (0.7, 0.25, 0.4)
@@ -169,8 +169,8 @@ CASES = {
 @pytest.mark.parametrize("definition", CASES)
 def test_value(definition):
     inputs, expected = CASES[definition]
-    found = value(node(definition, **inputs))
-    assert found == pytest.approx(expected, abs=1e-9)
+    numbers = value(node(definition, **inputs))
+    assert numbers == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_metal_by_its_colours():
@@ -202,21 +202,21 @@ def test_worley_gives_the_nearest_distances_in_order():
 
 def test_hexagons_of_an_even_picture_are_even():
     """Blue and alpha of the picture are constant: the weights have a sum of 1."""
-    found = value(node("hextiledimage_color4", tiling=(4.0, 4.0)))
-    assert found[2:] == pytest.approx([0.25, 0.5])
-    assert found[:2] != pytest.approx(value(node("image_color4"))[:2])
+    numbers = value(node("hextiledimage_color4", tiling=(4.0, 4.0)))
+    assert numbers[2:] == pytest.approx([0.25, 0.5])
+    assert numbers[:2] != pytest.approx(value(node("image_color4"))[:2])
 
 
 def test_hexagons_without_turns_keep_the_picture():
-    found = value(node("hextiledimage_color3", rotation=0.0, scale=0.0, offset=0.0))
-    assert found == pytest.approx([*UV, 0.25])
+    numbers = value(node("hextiledimage_color3", rotation=0.0, scale=0.0, offset=0.0))
+    assert numbers == pytest.approx([*UV, 0.25])
 
 
 def test_the_projection_of_three_pictures_follows_the_normal():
     """The normal has no part along y: the pictures along x and z share by |n|, each with the coordinates of its plane."""
-    found = value(node("triplanarprojection_color3", blend=1.0))
-    assert np.isfinite(found).all()
-    assert found[2] == pytest.approx(0.25)
+    numbers = value(node("triplanarprojection_color3", blend=1.0))
+    assert np.isfinite(numbers).all()
+    assert numbers[2] == pytest.approx(0.25)
 
 
 def test_swizzle_of_older_versions():
@@ -228,25 +228,25 @@ def test_swizzle_of_older_versions():
 
 def test_every_node_of_the_library_that_is_a_texture_is_drawn_or_told():
     """All definitions with default inputs; those that are refused are these."""
-    refused, told = set(), set()
+    refused, reported = set(), set()
     for element in library.document().getNodeDefs():
         for output in element.getActiveOutputs():
             if output.getType() not in COUNTS or element.getName() == "ND_UsdUVTexture":
                 continue
             host = Host()
             try:
-                found = value(Node("n", element.getName()), output.getName(), host)
+                numbers = value(Node("n", element.getName()), output.getName(), host)
             except NotDrawn:
                 refused.add(element.getNodeString())
                 continue
-            assert len(found) == COUNTS[output.getType()], element.getName()
+            assert len(numbers) == COUNTS[output.getType()], element.getName()
             if any("is not drawn" in message for message in host.messages):
-                told.add(element.getNodeString())
+                reported.add(element.getNodeString())
     assert refused == {
         "bitangent", "bump", "facingratio", "flake2d", "flake3d", "gltf_normalmap", "gooch_shade", "heighttonormal", "hextilednormalmap",
         "normalmap", "standard_surface_to_gltf_pbr", "tangent", "viewdirection",
     }  # fmt: skip
-    assert told == {
+    assert reported == {
         "blur", "chiang_hair_absorption_from_color", "chiang_hair_roughness", "deon_hair_absorption_from_melanin", "determinant",
         "invertmatrix", "transpose",
     }  # fmt: skip
@@ -261,8 +261,8 @@ def test_a_node_that_feeds_itself_is_refused():
 
 def test_a_factor_that_must_be_a_number_is_told():
     host = Host()
-    found = value(node("fractal3d_float", octaves=node("ramplr_float", valuel=1.0, valuer=5.0)), host=host)
-    assert found == value(node("fractal3d_float"))
+    numbers = value(node("fractal3d_float", octaves=node("ramplr_float", valuel=1.0, valuer=5.0)), host=host)
+    assert numbers == value(node("fractal3d_float"))
     assert host.messages == ["the input `octaves` of ND_fractal3d_float is drawn only as a number: its default is drawn"]
 
 

@@ -33,8 +33,8 @@ def test_samples_lie_in_spots_and_carry_their_light(tmp_path):
     around = np.random.default_rng(4).normal(size=(3, 1_000_000))
     around = tuple(around / np.linalg.norm(around, axis=0))
     inside = dome_spots.only_in_spots(spots, np.ones(1_000_000, bool), np.zeros(1_000_000, np.int64), around)
-    there = np.where(inside, lights.background(tables, around)[0][0], 0.0) * 4.0 * np.pi
-    error = there.std() / 1000.0
-    assert light[0].mean() == pytest.approx(there.mean(), abs=4.0 * error)
+    masked = np.where(inside, lights.background(tables, around)[0][0], 0.0) * 4.0 * np.pi
+    error = masked.std() / 1000.0
+    assert light[0].mean() == pytest.approx(masked.mean(), abs=4.0 * error)
     assert light[0].std() < light[0].mean()
-    assert spots.irradiance == pytest.approx(there.mean(), rel=0.05)
+    assert spots.irradiance == pytest.approx(masked.mean(), rel=0.05)

@@ -63,13 +63,13 @@ SLIVERS = ("a disk in its plane but for a little", "a triangle below and aside",
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory):
     """Of a text: (tables, emitters, what brute force searches)."""
-    made = {}
+    tables_of = {}
     for number, text in enumerate(dict.fromkeys(text for text, _ in PLACES.values())):
         path = tmp_path_factory.mktemp("emitters") / f"{number}.scene"
         path.write_text(text)
         tables = maquette.load(path).tables
-        made[text] = tables, emitter_table.build(tables)
-    return made
+        tables_of[text] = tables, emitter_table.build(tables)
+    return tables_of
 
 
 def met(tables: ir.Tables, origin, direction):
@@ -122,10 +122,10 @@ def test_directions_are_spread_as_their_density_says(scenes, name):
     def density(direction):
         flat = tuple(np.ravel(c) for c in direction)
         t, primitive = met(tables, place, flat)
-        here = np.isfinite(t) & (primitive == 0)
+        is_hit = np.isfinite(t) & (primitive == 0)
         where = tuple(np.full(len(t), c) for c in place)
-        told = emitters.density(table, int(table.first[0]), where, flat, np.where(here, t, 1.0))
-        return np.where(here, told, 0.0).reshape(direction[0].shape)
+        densities = emitters.density(table, int(table.first[0]), where, flat, np.where(is_hit, t, 1.0))
+        return np.where(is_hit, densities, 0.0).reshape(direction[0].shape)
 
     seen = arriving.light[0] > 0.0
     if text in HIDING:
@@ -149,9 +149,9 @@ def test_what_is_drawn_is_met_there_with_that_density(scenes, name):
     lit &= np.isfinite(t) & (primitive == 0)
     assert arriving.distance[lit] == pytest.approx(t[lit], rel=2e-3)
     where = tuple(np.full(lit.sum(), c) for c in place)
-    told = emitters.density(table, int(table.first[0]), where, tuple(c[lit] for c in arriving.direction), t[lit])
-    assert told == pytest.approx(arriving.density[lit], rel=1e-4)
-    assert 3.0 / told == pytest.approx(arriving.light[0][lit], rel=1e-4)
+    densities = emitters.density(table, int(table.first[0]), where, tuple(c[lit] for c in arriving.direction), t[lit])
+    assert densities == pytest.approx(arriving.density[lit], rel=1e-4)
+    assert 3.0 / densities == pytest.approx(arriving.light[0][lit], rel=1e-4)
 
 
 def lambert(corners, place, normal):
@@ -170,8 +170,8 @@ def test_a_triangle_gives_what_lambert_says(scenes):
     place, normal = np.array([0.2, -0.2, 0.0]), np.array([0.0, 1.0, 0.0])
     arriving = drawn(tables, table, place, 200_000)
     corners = [(-0.6, 0, 0.4), (0.9, 0.1, 0.2), (0.1, 0.3, -0.8)]
-    got = arriving.light[0] * (arriving.direction[1] * normal[1])
-    assert got.mean() == pytest.approx(3.0 * lambert(corners, place, normal), abs=4 * got.std() / math.sqrt(len(got)))
+    irradiance = arriving.light[0] * (arriving.direction[1] * normal[1])
+    assert irradiance.mean() == pytest.approx(3.0 * lambert(corners, place, normal), abs=4 * irradiance.std() / math.sqrt(len(irradiance)))
     assert np.ptp(arriving.light[0]) < 1e-6 * arriving.light[0].mean()
 
 
@@ -183,10 +183,10 @@ def test_a_disk_gives_the_closed_form(tmp_path, place):
     tables = maquette.load(path).tables
     q, h = place
     arriving = drawn(tables, emitter_table.build(tables), (q, -h, 0.0), 200_000)
-    got = arriving.light[0] * arriving.direction[1]
-    whole = h * h + q * q + 1.0
-    answer = 0.5 * math.pi * (1.0 - (h * h + q * q - 1.0) / math.sqrt(whole * whole - 4.0 * q * q))
-    assert got.mean() == pytest.approx(answer, abs=4 * got.std() / math.sqrt(len(got)))
+    irradiance = arriving.light[0] * arriving.direction[1]
+    squares = h * h + q * q + 1.0
+    answer = 0.5 * math.pi * (1.0 - (h * h + q * q - 1.0) / math.sqrt(squares * squares - 4.0 * q * q))
+    assert irradiance.mean() == pytest.approx(answer, abs=4 * irradiance.std() / math.sqrt(len(irradiance)))
     assert arriving.light[0].std() < 0.1 * arriving.light[0].mean()
 
 
@@ -225,7 +225,7 @@ def test_light_samples_have_the_radiance_that_rays_meet(tmp_path, text, pattern)
     tables = maquette.load(path).tables
     table = emitter_table.build(tables)
     assert table.textured.tolist() == (table.light < 0).tolist()
-    place = next(place for of, place in PLACES.values() if of == text)
+    place = next(place for placed_text, place in PLACES.values() if placed_text == text)
     arriving = drawn(tables, table, place, 4000)
     n = len(arriving.distance)
     zero = np.zeros(n)
@@ -235,8 +235,8 @@ def test_light_samples_have_the_radiance_that_rays_meet(tmp_path, text, pattern)
     assert seen.mean() > 0.1
     point = interaction.make_interaction(tables, ray, Hit(*(np.where(seen, column, column[seen][0]) for column in hit)))
     met_there = np.stack(color_of(tables, point, int(ir.Slot.EMISSION)))[:, seen]
-    given = (np.stack(arriving.light) * np.where(np.isfinite(arriving.density), arriving.density, 0.0))[:, seen]
-    alike = np.isclose(given, met_there, rtol=1e-3, atol=1e-3).all(axis=0)
+    sampled = (np.stack(arriving.light) * np.where(np.isfinite(arriving.density), arriving.density, 0.0))[:, seen]
+    alike = np.isclose(sampled, met_there, rtol=1e-3, atol=1e-3).all(axis=0)
     assert alike.mean() > 0.995  # the rest lies at the edge of a square
     assert met_there.std() > 0.1
     assert table.color[table.textured].mean() == pytest.approx(met_there.mean(), rel=0.5)

@@ -58,13 +58,13 @@ def test_densities_add_up_to_one(sky_of, text):
 def test_samples_have_the_density_that_is_told(sky_of, size):
     sky = sky_of(bright(*size))
     u, v = np.random.default_rng(1).random((2, 20_000))
-    direction, told = environment_map.sample_map(sky, u, v)
+    direction, densities = environment_map.sample_map(sky, u, v)
     assert np.sqrt(np.sum(np.square(direction), axis=0)) == pytest.approx(1.0, abs=1e-12)
-    same = np.isclose(told, environment_map.density(sky, (0.0, 0.0, 0.0), direction), rtol=1e-9)
+    same = np.isclose(densities, environment_map.density(sky, (0.0, 0.0, 0.0), direction), rtol=1e-9)
     assert same.mean() > 0.9999  # at the edges of cells rounding may choose the next
     # A density's reciprocal, averaged over its samples, is the solid angle where it is not nothing.
     covered = np.mean(environment_map.density(sky, (0.0, 0.0, 0.0), directions(200_000)) > 0.0) * 4.0 * np.pi
-    assert np.mean(1.0 / told) == pytest.approx(covered, rel=0.1)
+    assert np.mean(1.0 / densities) == pytest.approx(covered, rel=0.1)
 
 
 def test_all_that_is_brighter_than_the_mean_can_be_drawn(sky_of):

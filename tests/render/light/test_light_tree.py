@@ -22,8 +22,8 @@ def lamps(count, rng, around=False):
 
 
 def directions(rng, n):
-    found = rng.normal(size=(3, n))
-    return tuple(found / np.linalg.norm(found, axis=0))
+    vectors = rng.normal(size=(3, n))
+    return tuple(vectors / np.linalg.norm(vectors, axis=0))
 
 
 def points(rng, n):
@@ -39,11 +39,11 @@ def test_chances_add_up_to_one(count, far, seed):
     tree = light_tree.build(rng.uniform(0.1, 1.0, far), lamps(count, rng))
     position = points(rng, 50)
     chances = [light_tree.chance(tree, np.full(50, row), position, None) for row in range(far + count)]
-    whole = np.sum(chances, axis=0) if chances else np.zeros(50)
+    total = np.sum(chances, axis=0) if chances else np.zeros(50)
     reached = light_tree.choose(tree, position, None, np.full(50, 0.5))[1] > 0.0
-    assert np.all(whole <= 1.0 + 1e-9)
+    assert np.all(total <= 1.0 + 1e-9)
     if count & (count - 1) == 0:  # no leaf stands for nothing
-        assert whole[reached] == pytest.approx(1.0, abs=1e-9)
+        assert total[reached] == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.long
@@ -69,8 +69,8 @@ def test_lamps_are_chosen_as_often_as_is_told():
     position = tuple(np.full(n, c) for c in (0.3, -1.0, 0.7))
     row, _ = light_tree.choose(tree, position, None, (np.arange(n) + 0.5) / n)
     share = np.bincount(row, minlength=21) / n
-    told = [light_tree.chance(tree, np.array([k]), tuple(c[:1] for c in position), None)[0] for k in range(21)]
-    assert share == pytest.approx(told, abs=2e-5)
+    expected = [light_tree.chance(tree, np.array([k]), tuple(c[:1] for c in position), None)[0] for k in range(21)]
+    assert share == pytest.approx(expected, abs=2e-5)
 
 
 @pytest.mark.long
@@ -82,11 +82,11 @@ def test_what_gives_light_can_be_chosen(count, seed):
     near = lamps(count, rng)
     tree = light_tree.build(np.zeros(0), near)
     for k in range(count):
-        at = near.low[k] + rng.random((20, 3)) * (near.high[k] - near.low[k])
+        inside = near.low[k] + rng.random((20, 3)) * (near.high[k] - near.low[k])
         away = rng.normal(size=(20, 3))
         away /= np.linalg.norm(away, axis=1, keepdims=True)
         lit = (near.spread[k] >= math.pi) | (away @ near.axis[k] > math.cos(near.edge[k]))
-        position = tuple((at + away * rng.uniform(0.01, 3.0, (20, 1))).T)
+        position = tuple((inside + away * rng.uniform(0.01, 3.0, (20, 1))).T)
         assert np.all(light_tree.chance(tree, np.full(20, k), position, None)[lit] > 0.0)
         normal = directions(rng, 20)
         lit &= -np.sum(away * np.transpose(normal), axis=1) > 0.0

@@ -34,9 +34,9 @@ def arriving(light, position, u: Any = 0.5, v: Any = 0.5, frame=None):
 def irradiance(light, position, normal, frame=None, n=400):
     """E by the midpoint rule over the light's two random numbers: the mean of what its samples give a tilted receiver."""
     u, v = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n)
-    found = arriving(light, position, u, v, frame)
-    cosine = sum(d * c for d, c in zip(found.direction, normal, strict=True))
-    return float(np.mean(found.irradiance[0] * np.maximum(cosine, 0.0)))
+    samples = arriving(light, position, u, v, frame)
+    cosine = sum(d * c for d, c in zip(samples.direction, normal, strict=True))
+    return float(np.mean(samples.irradiance[0] * np.maximum(cosine, 0.0)))
 
 
 def above(height, size=1.0):
@@ -46,12 +46,12 @@ def above(height, size=1.0):
 
 @pytest.mark.parametrize(("h", "x"), [(1.0, 0.0), (2.0, 0.7), (0.3, 5.0)])
 def test_a_point_light_over_a_floor_gives_ih_over_distance_cubed(h, x):
-    found = arriving(LightData(K.POINT, (3.0, 2.0, 1.0), position=(0, h, 0)), (x, 0.0, 0.0))
+    sample = arriving(LightData(K.POINT, (3.0, 2.0, 1.0), position=(0, h, 0)), (x, 0.0, 0.0))
     d = math.hypot(h, x)
-    cosine = found.direction[1]
-    assert found.irradiance[0] * cosine == pytest.approx(3.0 * h / d**3, rel=1e-12)
-    assert found.irradiance[1] / found.irradiance[0] == pytest.approx(2 / 3, rel=1e-14)
-    assert d * (1 - 1e-6) < found.distance < d
+    cosine = sample.direction[1]
+    assert sample.irradiance[0] * cosine == pytest.approx(3.0 * h / d**3, rel=1e-12)
+    assert sample.irradiance[1] / sample.irradiance[0] == pytest.approx(2 / 3, rel=1e-14)
+    assert d * (1 - 1e-6) < sample.distance < d
 
 
 @pytest.mark.parametrize("d", [0.5, 1.0, 3.0])
@@ -66,9 +66,9 @@ def test_falloffs(d):
 
 
 def test_a_point_at_the_light_itself_is_finite():
-    found = arriving(LightData(K.POINT, WHITE), (0, 0, 0))
-    assert np.isfinite(found.direction).all()
-    assert np.isfinite(np.asarray(found.irradiance) * np.asarray(found.direction)).all()
+    sample = arriving(LightData(K.POINT, WHITE), (0, 0, 0))
+    assert np.isfinite(sample.direction).all()
+    assert np.isfinite(np.asarray(sample.irradiance) * np.asarray(sample.direction)).all()
 
 
 @pytest.mark.parametrize(("cone", "soft"), [(40.0, 10.0), (24.0, 6.0), (80.0, 80.0), (30.0, 0.0)])
@@ -78,32 +78,32 @@ def test_spot_flux(cone, soft):
     cosine = (np.arange(200_000) + 0.5) / 100_000 - 1.0  # over the whole sphere
     sine = np.sqrt(1 - cosine**2)
     light = LightData(K.SPOT, WHITE, direction=(0, -1, 0), cos_cone=cos_end, cos_full=cos_full)
-    found = arriving(light, (sine, -cosine, 0 * sine), u=0 * cosine)
-    flux = 2 * math.pi * float(np.mean(found.irradiance[0])) * 2
+    samples = arriving(light, (sine, -cosine, 0 * sine), u=0 * cosine)
+    flux = 2 * math.pi * float(np.mean(samples.irradiance[0])) * 2
     assert flux == pytest.approx(2 * math.pi * ((1 - cos_full) + (cos_full - cos_end) / 2), rel=1e-4)
 
 
 def test_a_spot_is_full_inside_and_nothing_outside():
     light = LightData(K.SPOT, WHITE, direction=(0, -1, 0), cos_cone=math.cos(0.5), cos_full=math.cos(0.4))
     for angle, expected in ((0.0, 1.0), (0.39, 1.0), (0.51, 0.0), (2.0, 0.0), (math.pi, 0.0)):
-        at = (math.sin(angle), -math.cos(angle), 0.0)
-        assert float(arriving(light, at).irradiance[0]) == pytest.approx(expected, abs=1e-12)
+        place = (math.sin(angle), -math.cos(angle), 0.0)
+        assert float(arriving(light, place).irradiance[0]) == pytest.approx(expected, abs=1e-12)
 
 
 def test_directional_light_is_irradiance_facing_it_from_everywhere_the_same():
     light = LightData(K.DIRECTIONAL, (2.0, 2.0, 2.0), direction=(0.6, 0.8, 0.0))
-    found = arriving(light, (1e5, -3.0, 0.0))
-    assert found.irradiance[0] == 2.0
-    assert float(found.direction[1]) == pytest.approx(0.8)
-    assert np.isinf(found.distance)
+    sample = arriving(light, (1e5, -3.0, 0.0))
+    assert sample.irradiance[0] == 2.0
+    assert float(sample.direction[1]) == pytest.approx(0.8)
+    assert np.isinf(sample.distance)
 
 
 def test_sun_samples_fill_its_disk_evenly():
     angle = math.radians(5)
     light = LightData(K.SUN, WHITE, direction=UP, angle=angle)
     u, v = np.meshgrid((np.arange(100) + 0.5) / 100, (np.arange(100) + 0.5) / 100)
-    found = arriving(light, (0, 0, 0), u, v)
-    cosine = found.direction[1]
+    samples = arriving(light, (0, 0, 0), u, v)
+    cosine = samples.direction[1]
     assert np.all(cosine >= math.cos(angle) - 1e-12)
     # Evenly over solid angle, 1 − cos is uniform from 0 to 1 − cos(angle).
     below = np.sort(((1 - cosine) / (1 - math.cos(angle))).ravel())
@@ -120,8 +120,8 @@ def test_rectangle_against_lamberts_polygon_formula(x, z):
     height, half = 1.0, (0.5, 0.3)
     frame = above(height)
     corners = [(-half[0], -half[1]), (half[0], -half[1]), (half[0], half[1]), (-half[0], half[1])]
-    at = np.array([x, 0.0, z])
-    v = [(frame @ [a, 0, b, 1])[:3] - at for a, b in corners]
+    place = np.array([x, 0.0, z])
+    v = [(frame @ [a, 0, b, 1])[:3] - place for a, b in corners]
     total = 0.0
     for a, b in zip(v, v[1:] + v[:1], strict=True):
         crossed = np.cross(a, b)
@@ -164,8 +164,8 @@ def test_sphere_that_crosses_the_horizon():
     s = math.sqrt(1 - y * y)
     expected = (math.cos(w) * math.acos(y) - x * math.sin(w) * s) / (math.pi * big_h**2) + math.atan(math.sin(w) * s / x) / math.pi
     light = LightData(K.SPHERE, WHITE, transform=1, size=(r, 0.0))
-    found = irradiance(light, (0, 0, 0), (math.sin(w), math.cos(w), 0.0), make.matrix((0, d, 0)))
-    assert found == pytest.approx(math.pi * expected, rel=2e-4)
+    computed = irradiance(light, (0, 0, 0), (math.sin(w), math.cos(w), 0.0), make.matrix((0, d, 0)))
+    assert computed == pytest.approx(math.pi * expected, rel=2e-4)
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.1), (0.999, 0.0, 0.0)])
@@ -180,10 +180,10 @@ def test_inside_a_sphere_light_irradiance_is_pi(place):
 def test_a_sphere_light_is_met_at_the_distance_it_says(power, u, v):
     """From 1e-6 radii off its surface to 1e6 away; the direction really meets the sphere there."""
     d = 1.0 + 10.0**power
-    found = arriving(LightData(K.SPHERE, WHITE, transform=1, size=(1.0, 0.0)), (0.0, -d, 0.0), u, v, make.matrix())
-    p = np.array([c * float(found.distance) for c in found.direction]) + [0, -d, 0]
+    sample = arriving(LightData(K.SPHERE, WHITE, transform=1, size=(1.0, 0.0)), (0.0, -d, 0.0), u, v, make.matrix())
+    p = np.array([c * float(sample.distance) for c in sample.direction]) + [0, -d, 0]
     assert np.linalg.norm(p) == pytest.approx(1.0, abs=3e-7 + 4e-9 * d)
-    assert all(np.isfinite(c) for c in found.irradiance)
+    assert all(np.isfinite(c) for c in sample.irradiance)
 
 
 def test_plates_shine_to_their_plus_y_only():
@@ -197,8 +197,8 @@ def test_samples_of_the_sampler_agree_with_the_closed_form():
     """The same sum with the sampler's own numbers, within four standard errors of plain random numbers' spread."""
     n = 4096
     u, v = sobol.pair(np.full(n, 7), np.arange(n), np.full(n, 3), 0)
-    found = arriving(LightData(K.RECTANGLE, WHITE, transform=1, size=(0.5, 0.5)), (0, 0, 0), u, v, above(1.0))
-    values = found.irradiance[0] * found.direction[1]
+    samples = arriving(LightData(K.RECTANGLE, WHITE, transform=1, size=(0.5, 0.5)), (0, 0, 0), u, v, above(1.0))
+    values = samples.irradiance[0] * samples.direction[1]
     assert abs(values.mean() - 0.239456 * math.pi) <= 4 * values.std() / math.sqrt(n)
 
 
@@ -225,8 +225,8 @@ def test_a_domes_picture_has_plus_z_in_its_middle_and_plus_x_left_of_it():
     picture = np.zeros((64, 128, 4))
     picture[32, :, 0] = picture[31, :, 0] = np.arange(128) + 0.5
     tables = dome(picture)
-    at = radiance_of(tables, (0, 0, 1), (1, 0, 0), (-1, 0, 0)) / 2.0
-    assert at == pytest.approx([64, 32, 96], abs=1e-6)
+    columns = radiance_of(tables, (0, 0, 1), (1, 0, 0), (-1, 0, 0)) / 2.0
+    assert columns == pytest.approx([64, 32, 96], abs=1e-6)
 
 
 def test_a_domes_top_row_is_up():

@@ -41,16 +41,16 @@ def test_densities_are_those_of_samples(place):
     """The mean of 1 / density over samples is the solid angle of the cells; the mean of the density over the sphere is 1 / 4π."""
     rng = np.random.default_rng(4)
     openings, n = openings_of(rng), 400_000
-    at = tuple(np.full(n, c) for c in place)
+    places = tuple(np.full(n, c) for c in place)
     way = rng.normal(size=(3, n))
     even = tuple(way / np.linalg.norm(way, axis=0))
-    density = sky_openings.density(openings, at, even)
+    density = sky_openings.density(openings, places, even)
     error = 4.0 * np.pi * density.std() / np.sqrt(n)
     assert 4.0 * np.pi * density.mean() == pytest.approx(1.0, abs=4.0 * error)
-    found = sky_openings.density(openings, at, sky_openings.sample(openings, at, rng.random(n), rng.random(n)))
+    sampled = sky_openings.density(openings, places, sky_openings.sample(openings, places, rng.random(n), rng.random(n)))
     covered = 4.0 * np.pi * np.mean(density > 0.0)
-    assert np.mean(found > 0.0) > 0.9999
-    assert np.mean(1.0 / found[found > 0.0]) == pytest.approx(covered, rel=0.02)
+    assert np.mean(sampled > 0.0) > 0.9999
+    assert np.mean(1.0 / sampled[sampled > 0.0]) == pytest.approx(covered, rel=0.02)
 
 
 def test_no_sample_aims_from_outside_of_the_box():

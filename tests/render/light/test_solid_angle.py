@@ -15,8 +15,8 @@ def closed(a, b, d):
 
 
 def frame(n=1):
-    one = np.ones(n)
-    return (one, 0.0 * one, 0.0 * one), (0.0 * one, 0.0 * one, one)
+    ones = np.ones(n)
+    return (ones, 0.0 * ones, 0.0 * ones), (0.0 * ones, 0.0 * ones, ones)
 
 
 @pytest.mark.parametrize(("a", "b", "d"), [(0.5, 0.5, 0.1), (1.0, 0.3, 0.5), (2.0, 1.0, 1.0), (0.5, 0.5, 0.001)])
@@ -30,14 +30,14 @@ def test_parts_add_up():
     rng = np.random.default_rng(2)
     way = tuple(rng.uniform(-1, 1, (3, 100)))
     half = np.full(100, 0.6), np.full(100, 0.4)
-    whole = rectangle_solid_angle.spherical_rectangle(way, *frame(100), *half).solid
+    total = rectangle_solid_angle.spherical_rectangle(way, *frame(100), *half).solid
     parts = [
         rectangle_solid_angle.spherical_rectangle(
             (way[0] + i * 0.3, way[1], way[2] + j * 0.2), *frame(100), 0.5 * half[0], 0.5 * half[1]
         ).solid
         for i in (-1, 1) for j in (-1, 1)
     ]  # fmt: skip
-    assert np.sum(parts, axis=0) == pytest.approx(whole, rel=1e-8)
+    assert np.sum(parts, axis=0) == pytest.approx(total, rel=1e-8)
 
 
 @pytest.mark.parametrize("way", [(0.0, 0.5, 0.0), (0.4, 0.2, -0.3), (1.2, -0.6, 0.8)])
@@ -50,13 +50,13 @@ def test_samples_are_even_over_the_solid_angle(way):
         rectangle_solid_angle.spherical_rectangle(ways, *frame(u.size), np.full(u.size, 0.8), np.full(u.size, 0.5)), u, v
     )
     assert max(np.abs(a).max(), np.abs(b).max()) <= 1.0
-    whole = rectangle_solid_angle.spherical_rectangle(
+    total = rectangle_solid_angle.spherical_rectangle(
         way, *((np.array(v[0]), v[1], v[2]) for v in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), 0.8, 0.5
     ).solid
     for i in range(4):
         for j in range(4):
             part = (way[0] + 0.8 * (i - 1.5) / 2, way[1], way[2] + 0.5 * (j - 1.5) / 2)
-            share = rectangle_solid_angle.spherical_rectangle(part, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, 0.125).solid / whole
+            share = rectangle_solid_angle.spherical_rectangle(part, (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, 0.125).solid / total
             inside = (np.floor((a + 1) * 2).clip(0, 3) == i) & (np.floor((b + 1) * 2).clip(0, 3) == j)
             assert inside.mean() == pytest.approx(share, abs=2e-3)
 

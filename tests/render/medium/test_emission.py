@@ -113,12 +113,12 @@ def test_threads_draw_equal_bits(tmp_path: Path) -> None:
 
 def test_its_light_is_in_the_group_of_lights_without_one(tmp_path: Path) -> None:
     text = DARK + DOWN.replace("1deg", "50deg") + FLOOR + BALL
-    lamp = 'point([1, 1, 1], intensity: 1, group: "lamp")\n'
-    image, alone = drawn(tmp_path, text + lamp, aov=("lights",), samples=16), drawn(tmp_path, text, samples=16)
-    rest, of_lamp = (image.channels[f"light:{name}"].mean(axis=(0, 1)) for name in ("rest", "lamp"))
-    assert rest == pytest.approx(mean(alone), rel=1e-3)
+    point = 'point([1, 1, 1], intensity: 1, group: "lamp")\n'
+    image, alone = drawn(tmp_path, text + point, aov=("lights",), samples=16), drawn(tmp_path, text, samples=16)
+    without_group, of_lamp = (image.channels[f"light:{name}"].mean(axis=(0, 1)) for name in ("rest", "lamp"))
+    assert without_group == pytest.approx(mean(alone), rel=1e-3)
     assert of_lamp == pytest.approx(of_lamp[0], rel=1e-4)  # white: without the light of the ball
-    assert mean(image) == pytest.approx(rest + of_lamp, rel=1e-5)
+    assert mean(image) == pytest.approx(without_group + of_lamp, rel=1e-5)
 
 
 def test_a_medium_that_emits_is_the_light_of_a_scene(tmp_path: Path) -> None:
@@ -148,7 +148,7 @@ def test_the_density_of_directions_integrates_to_one(tmp_path: Path) -> None:
     way /= np.linalg.norm(way, axis=0)
     rows = np.full(way.shape[1], len(table.kind) - 1)
     for place in ((0.9, 0.1, 0.2), (0.05, 0.8, 0.1)):
-        at = tuple(np.full(way.shape[1], x) for x in place)
-        density = emitting_cells.density(table.media, rows, at, (*way,))
+        places = tuple(np.full(way.shape[1], x) for x in place)
+        density = emitting_cells.density(table.media, rows, places, (*way,))
         deviation = density.std() / math.sqrt(len(density))
         assert 4 * math.pi * density.mean() == pytest.approx(1.0, abs=4 * 4 * math.pi * deviation)

@@ -233,13 +233,13 @@ def test_both_backends_draw_the_same_media(tmp_path: Path) -> None:
     text += "sphere(0.5, center: [1.2, 0, 0], material: subsurface(#a85))\n"
     text += "sphere(0.5, center: [-1.2, 0, 0], material: glass(ior: 1.33), medium: medium(#fed, 20cm))\n"
     path.write_text(text, encoding="utf-8")
-    ours, plain = (
+    ours, reference = (
         maquette.load(path)
         .render(size=(24, 16), samples=2, bounces=16, denoise=False, backend=backend, plan=plan)
         .channels["rgba"]
         for backend, plan in (("ray", {"transport.caustics": "paths"}), ("reference", {}))
     )
-    assert np.mean(np.abs(ours - plain)) < 1e-3
+    assert np.mean(np.abs(ours - reference)) < 1e-3
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -55,17 +55,17 @@ def test_a_density_stays_in_a_shape_that_stands_still_beside_one_that_moves(tmp_
 
 
 @pytest.mark.parametrize(
-    ("medium", "told"),
+    ("medium", "expected"),
     [
         ("absorption: 1 + time / 1s", "this medium changes"),
         ("absorption: 1, density: |x, y, z| 2 + x * time / 1s", "the density of this medium changes"),
     ],
 )
-def test_a_medium_that_changes_is_told_of(tmp_path: Path, medium: str, told: str) -> None:
+def test_a_medium_that_changes_is_told_of(tmp_path: Path, medium: str, expected: str) -> None:
     path = tmp_path / "a.scene"
     path.write_text(
         "camera(position: [0, 0, 4], look_at: [0, 0, 0], shutter: 100ms)\nsky(radiance: 1)\n" f"sphere(1, medium: medium({medium}))\n",
         encoding="utf-8",
     )
-    with pytest.warns(SceneWarning, match=f"{told} while the shutter is open: it is drawn as it is at the opening"):
+    with pytest.warns(SceneWarning, match=f"{expected} while the shutter is open: it is drawn as it is at the opening"):
         maquette.load(path)

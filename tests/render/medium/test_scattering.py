@@ -33,13 +33,13 @@ def test_a_column_is_the_integral_of_the_density(height: float, slope: float, to
 
 @given(HEIGHTS, SLOPES, HEIGHTS, st.sampled_from([0.0, 0.3, 5.0, 100.0]), st.floats(0.01, 200))
 @settings(max_examples=100, deadline=None)
-def test_a_distance_has_its_column(height: float, slope: float, top: float, falloff: float, wanted: float) -> None:
+def test_a_distance_has_its_column(height: float, slope: float, top: float, falloff: float, target: float) -> None:
     like = tuple(np.array([x]) for x in (height, slope, top, falloff))
-    distance = column.distance_of(*like, np.array([wanted]))
+    distance = column.distance_of(*like, np.array([target]))
     if np.isfinite(distance[0]):
-        assert column.column(*like, distance)[0] == pytest.approx(wanted, rel=1e-3)
+        assert column.column(*like, distance)[0] == pytest.approx(target, rel=1e-3)
     else:
-        assert column.column(*like, np.array([1e9]))[0] <= wanted * 1.001
+        assert column.column(*like, np.array([1e9]))[0] <= target * 1.001
 
 
 @pytest.mark.parametrize("g", [0.0, 0.3, 0.9, -0.7])

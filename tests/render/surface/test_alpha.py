@@ -64,13 +64,13 @@ def test_bvh_and_brute_force_agree_on_all_shapes(seed):
 def test_transmittances_agree():
     tables, ray = everything(5), random_rays(2000, 6)
     active = np.ones(2000, bool)
-    wanted = intersect.transmittance(intersect.Brute(), tables, ray, active)
+    expected = intersect.transmittance(intersect.Brute(), tables, ray, active)
     accel = ray_queries.build(tables)
     what = np.stack(ray.origin, axis=1), np.stack(ray.direction, axis=1)
-    found = ray_queries.transmittance(accel, *what)
-    np.testing.assert_allclose(found, wanted, rtol=1e-14, atol=0)
-    assert len(np.unique(wanted)) > 5
-    np.testing.assert_array_equal(ray_queries.occluded(accel, *what), wanted == 0)
+    shares = ray_queries.transmittance(accel, *what)
+    np.testing.assert_allclose(shares, expected, rtol=1e-14, atol=0)
+    assert len(np.unique(expected)) > 5
+    np.testing.assert_array_equal(ray_queries.occluded(accel, *what), expected == 0)
 
 
 def test_holes_are_not_hit():
@@ -129,11 +129,11 @@ def test_layers_beyond_the_queue_are_passed_at_random():
 
 def test_a_threshold_is_all_or_nothing():
     ray = lanes_of([0.1, 50, 0.2], [0, -1, 0])
-    for opacity, there in ((0.4, False), (0.5, True), (0.7, True)):
+    for opacity, is_hit in ((0.4, False), (0.5, True), (0.7, True)):
         hit = first_hit(panes(1, veil(opacity, 0.5), behind=False), ray)
-        assert bool(np.isfinite(hit.t[0])) == there
+        assert bool(np.isfinite(hit.t[0])) == is_hit
         rgb, alpha = radiance_in_kernel(panes(1, veil(opacity, 0.5), behind=False), ray, OPTIONS._replace(layers=8))
-        assert (rgb[0, 0, 0], alpha[0, 0]) == ((1, 1) if there else (0, 0))
+        assert (rgb[0, 0, 0], alpha[0, 0]) == ((1, 1) if is_hit else (0, 0))
 
 
 @given(st.integers(0, 2**32 - 1))

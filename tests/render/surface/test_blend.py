@@ -49,7 +49,7 @@ def test_scenes_without_blends_keep_their_tables():
 def test_a_picture_of_a_blend(tmp_path, backend):
     """White and black by 0.25 with irradiance π have the mean 0.75; a weight of 0 or 1 gives one part."""
     text = VIEW + "plane(y: 0, material: blend(lambert(1), lambert(0), {}))\n"
-    found = rm.grey(rm.picture(tmp_path, text.format(0.25), backend, size=(24, 24), samples=16))
-    assert abs(found.mean() - 0.75) < 5 * 0.433 / (24 * 4)
+    grey = rm.grey(rm.picture(tmp_path, text.format(0.25), backend, size=(24, 24), samples=16))
+    assert abs(grey.mean() - 0.75) < 5 * 0.433 / (24 * 4)
     for weight, value in ((0, 1.0), (1, 0.0)):
         assert np.abs(rm.grey(rm.picture(tmp_path, text.format(weight), backend, size=(4, 4), samples=4)) - value).max() < 1e-6

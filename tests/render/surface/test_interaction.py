@@ -56,8 +56,8 @@ def test_normals_are_perpendicular_under_scales_and_mirrors(shape, linear):
     away = random.normal(size=(300, 3))
     origin = target + 20 * away / np.linalg.norm(away, axis=1, keepdims=True)
     ray = make.rays(origin, target - origin)
-    found, hit = at(tables, ray)
-    normal, position = vector(found.normal), vector(found.position)
+    surface, hit = at(tables, ray)
+    normal, position = vector(surface.normal), vector(surface.position)
     close = []
     for step in np.eye(3) * 1e-5:
         other = make.rays(origin, target + step - origin)
@@ -76,7 +76,7 @@ def test_normals_are_perpendicular_under_scales_and_mirrors(shape, linear):
         slope = np.abs(np.sum(moved[usable] * normal[usable], axis=1)) / length[usable]
         assert np.median(slope) < 1e-3
     if kind in (K.SPHERE, K.BOX, K.TORUS, K.CAPSULE):
-        assert np.all(found.front[seen])
+        assert np.all(surface.front[seen])
 
 
 def test_a_mirrored_mesh_keeps_its_outside():
@@ -105,8 +105,8 @@ def test_interpolation_of_attributes(interpolation, values, expected):
     other = make.mesh(TRIANGLE + 50, [[0, 1, 2]], colors=MeshAttribute(np.zeros((1, 3)), By.FACE))
     given_ = mesh(colors=MeshAttribute(np.array(values), interpolation))
     tables = make.scene(meshes=[(other, make.matrix(), 0), (given_, make.matrix(), 0)])
-    found, _ = at(tables, make.rays((0.5, 1, -1), (0, -1, 0)))
-    assert vector(found.color)[0] == pytest.approx(expected, abs=1e-7)
+    surface, _ = at(tables, make.rays((0.5, 1, -1), (0, -1, 0)))
+    assert vector(surface.color)[0] == pytest.approx(expected, abs=1e-7)
 
 
 def test_smooth_normals_are_interpolated_and_flat_ones_are_not():
@@ -123,30 +123,30 @@ def test_smooth_normals_are_interpolated_and_flat_ones_are_not():
 
 def test_inward_normals_flip_to_the_triangles_outside():
     given_ = mesh(normals=MeshAttribute(np.array([[0.0, -1.0, 0.0]] * 3)))
-    found, _ = at(make.scene(meshes=[(given_, make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
-    assert vector(found.normal)[0] == pytest.approx([0, 1, 0])
+    surface, _ = at(make.scene(meshes=[(given_, make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
+    assert vector(surface.normal)[0] == pytest.approx([0, 1, 0])
 
 
 def test_normals_that_cancel_give_the_face_normal():
     given_ = mesh(normals=MeshAttribute(np.zeros((3, 3))))
-    found, _ = at(make.scene(meshes=[(given_, make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
-    assert vector(found.normal)[0] == pytest.approx([0, 1, 0])
+    surface, _ = at(make.scene(meshes=[(given_, make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
+    assert vector(surface.normal)[0] == pytest.approx([0, 1, 0])
 
 
 def test_metric_of_mesh_coordinates():
     """u runs 0 to 1 over 2 m and v over 4 m; scaled by three they are 6 and 12."""
     given_ = mesh(uvs=MeshAttribute(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])))
     tables = make.scene(meshes=[(given_, make.matrix(linear=3 * np.eye(3)), 0)])
-    found, _ = at(tables, make.rays((1.5, 1, -3), (0, -1, 0)))
-    assert (found.uv[0][0], found.uv[1][0]) == pytest.approx((0.25, 0.25))
-    assert (found.metric[0][0], found.metric[1][0]) == pytest.approx((6.0, 12.0))
+    surface, _ = at(tables, make.rays((1.5, 1, -3), (0, -1, 0)))
+    assert (surface.uv[0][0], surface.uv[1][0]) == pytest.approx((0.25, 0.25))
+    assert (surface.metric[0][0], surface.metric[1][0]) == pytest.approx((6.0, 12.0))
 
 
 def test_without_coordinates_and_with_coordinates_that_are_all_one_point():
     for uvs in (None, MeshAttribute(np.full((3, 2), 0.5))):
-        found, _ = at(make.scene(meshes=[(mesh(uvs=uvs), make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
-        assert (found.metric[0][0], found.metric[1][0]) == (1.0, 1.0)
-        assert found.uv[0][0] == (0.0 if uvs is None else 0.5)
+        surface, _ = at(make.scene(meshes=[(mesh(uvs=uvs), make.matrix(), 0)]), make.rays((0.5, 1, -1), (0, -1, 0)))
+        assert (surface.metric[0][0], surface.metric[1][0]) == (1.0, 1.0)
+        assert surface.uv[0][0] == (0.0 if uvs is None else 0.5)
 
 
 @pytest.mark.parametrize("place", [1e-3, 1.0, 1e5])
@@ -170,20 +170,20 @@ def test_new_rays_do_not_hit_their_surface(shape, place):
     origin = spot + 5 * size * away / np.linalg.norm(away, axis=1, keepdims=True)
     target = spot + size * random.uniform(-0.4, 0.4, (n, 3))
     ray = make.rays(origin, target - origin)
-    found, hit = at(tables, ray)
+    surface, hit = at(tables, ray)
     seen = np.isfinite(hit.t)
     assert seen.sum() > 50
-    offset = found.offset[seen]
+    offset = surface.offset[seen]
     assert np.all(offset > 0)
     assert offset.max() < 1e-12 * max(1.0, place) * 100
     if shape == "torus":
         return  # not convex: a free ray may well meet it again
-    normal = vector(found.geometric)
+    normal = vector(surface.geometric)
     out = random.normal(size=(n, 3))
     out *= np.sign(np.sum(out * np.where(seen[:, None], normal, 1.0), axis=1))[:, None]
     out = tuple((out / np.linalg.norm(out, axis=1, keepdims=True)).T)
     with np.errstate(all="ignore"):
-        leaving = ray_stack.spawn_ray(found, out, np.full(n, np.inf))
+        leaving = ray_stack.spawn_ray(surface, out, np.full(n, np.inf))
         again = intersect.occluded(intersect.Brute(), tables, leaving, seen)
     assert not again.any()
 
@@ -196,13 +196,13 @@ def test_offset_scales_with_the_coordinates(power, theta):
     far = 10.0**power
     tables = make.scene([(K.SPHERE, (1.0,), make.matrix((far, 0, 0)), 0)])
     ray = make.rays((far + 3 * math.sin(theta), 3 * math.cos(theta), 0), (-math.sin(theta), -math.cos(theta), 0))
-    found, _ = at(tables, ray)
-    assert 1e-16 * far < found.offset[0] < 1e-13 * (far + 10)
+    surface, _ = at(tables, ray)
+    assert 1e-16 * far < surface.offset[0] < 1e-13 * (far + 10)
 
 
 def test_lanes_without_a_hit_do_no_harm():
     tables = make.scene([(K.SPHERE, (1.0,), make.matrix(), 0)], meshes=[(mesh(), make.matrix((5, 0, 0)), 0)])
     ray = make.rays([[0, 0, 5], [0, 9, 5], [5.5, 1, -1]], [[0, 0, -1], [0, 0, -1], [0, -1, 0]])
-    found, hit = at(tables, ray)
+    surface, hit = at(tables, ray)
     assert list(hit.instance) == [0, -1, 1]
-    assert vector(found.normal)[[0, 2]] == pytest.approx(np.array([[0, 0, 1], [0, 1, 0]]))
+    assert vector(surface.normal)[[0, 2]] == pytest.approx(np.array([[0, 0, 1], [0, 1, 0]]))

@@ -63,9 +63,9 @@ def test_normals_follow_the_transform(stretch):
     """The tangent follows the instance's transform, mirrored or scaled; a flipped plane is hit from its other side."""
     placed = make.matrix((0, 0, 0), make.turn(1, 0.7) @ np.diag(np.array(stretch, float)))
     along = placed[:3, 0] / np.linalg.norm(placed[:3, 0])
-    found = normal_at(square(placed=placed), (0.1, 1, 0.1), (0, -1, 0))
+    normal = normal_at(square(placed=placed), (0.1, 1, 0.1), (0, -1, 0))
     outwards = np.sign(placed[1, 1])  # the square's own up, if it points up in the world; seen from below the map leans the other way
-    assert found == pytest.approx(0.6 * along * outwards + [0, 0.8, 0], abs=1e-6)
+    assert normal == pytest.approx(0.6 * along * outwards + [0, 0.8, 0], abs=1e-6)
 
 
 def test_the_back_is_the_front_seen_from_behind():
@@ -86,21 +86,21 @@ def test_shapes_lean_along_their_own_u():
 def test_tangents_of_a_smooth_mesh_are_shared_and_those_across_a_mirror_are_not():
     """Two squares side by side, the second mirrored in u: at their common edge tangents point apart, at inner corners they agree."""
     tables = principled.tables_for(square(normals=MeshAttribute(np.tile([0.0, 1.0, 0.0], (4, 1)))))
-    made = tables.materials.tangents  # pyright: ignore
-    assert made.first.tolist() == [0]
-    assert made.values == pytest.approx(np.tile([1, 0, 0, 1], (6, 1)), abs=1e-6)
+    tangents = tables.materials.tangents  # pyright: ignore
+    assert tangents.first.tolist() == [0]
+    assert tangents.values == pytest.approx(np.tile([1, 0, 0, 1], (6, 1)), abs=1e-6)
     six = np.concatenate([SQUARE, SQUARE[:2] + [2, 0, 0], SQUARE[2:] + [2, 0, 0]])
     uvs = np.concatenate([UVS, UVS * [-1, 1] + [2, 0]])
     both = make.mesh(six, [*TWO, *(np.array(TWO) + 4).tolist()], uvs=MeshAttribute(uvs))
-    made = normal_map.mesh_tangents(make.scene(meshes=[(both, make.matrix(), 0)], prepare=mapped()), 0)
-    assert made[:6] == pytest.approx(np.tile([1, 0, 0, 1], (6, 1)), abs=1e-6)
-    assert made[6:] == pytest.approx(np.tile([-1, 0, 0, -1], (6, 1)), abs=1e-6)
+    tangents = normal_map.mesh_tangents(make.scene(meshes=[(both, make.matrix(), 0)], prepare=mapped()), 0)
+    assert tangents[:6] == pytest.approx(np.tile([1, 0, 0, 1], (6, 1)), abs=1e-6)
+    assert tangents[6:] == pytest.approx(np.tile([-1, 0, 0, -1], (6, 1)), abs=1e-6)
 
 
 def test_coordinates_without_area_give_some_tangent():
-    made = normal_map.mesh_tangents(square(UVS * 0.0), 0)
-    assert np.linalg.norm(made[:, :3], axis=1) == pytest.approx(np.ones(6), abs=1e-6)
-    assert np.abs(made[:, 1]).max() < 1e-6
+    tangents = normal_map.mesh_tangents(square(UVS * 0.0), 0)
+    assert np.linalg.norm(tangents[:, :3], axis=1) == pytest.approx(np.ones(6), abs=1e-6)
+    assert np.abs(tangents[:, 1]).max() < 1e-6
 
 
 def heights(builder):
@@ -116,11 +116,11 @@ def test_the_slope_of_a_bump_map(scale):
     """0.5 m over a square of 2 m is a slope of ¼; an instance four times as large has a quarter of it."""
     placed = make.matrix(linear=np.eye(3) * scale)
     data = make.mesh(SQUARE, TWO, uvs=MeshAttribute(UVS))
-    found = normal_at(make.scene(meshes=[(data, placed, 0)], prepare=heights), (0.2, 9, 0.1), (0, -1, 0))
+    normal = normal_at(make.scene(meshes=[(data, placed, 0)], prepare=heights), (0.2, 9, 0.1), (0, -1, 0))
     slope = 0.25 / scale
-    assert found == pytest.approx(np.array([-slope, 1, 0]) / math.hypot(1, slope), abs=1e-5)
+    assert normal == pytest.approx(np.array([-slope, 1, 0]) / math.hypot(1, slope), abs=1e-5)
     tables = make.scene([(K.RECTANGLE, (1, 1), placed, 0)], prepare=heights)
-    assert normal_at(tables, (0.2, 9, 0.1), (0, -1, 0)) == pytest.approx(found, abs=1e-5)
+    assert normal_at(tables, (0.2, 9, 0.1), (0, -1, 0)) == pytest.approx(normal, abs=1e-5)
 
 
 def test_no_normal_mirrors_the_viewer_into_the_surface():
@@ -130,12 +130,12 @@ def test_no_normal_mirrors_the_viewer_into_the_surface():
     normal = ops.normalize(tuple(n))
     up = (np.zeros(500), np.ones(500), np.zeros(500))
     viewer = ops.normalize((rng.normal(size=500), np.abs(rng.normal(size=500)) * 0.3 + 1e-3, rng.normal(size=500)))
-    made = normal_map.bend_to_viewer(normal, up, viewer)
-    mirrored = ops.reflect(ops.negate(viewer), made)
+    bent = normal_map.bend_to_viewer(normal, up, viewer)
+    mirrored = ops.reflect(ops.negate(viewer), bent)
     assert (mirrored[1] >= np.minimum(viewer[1], normal_map.CLEAR) * 0.99).all()
-    assert (ops.dot(made, viewer) > 0).all()
+    assert (ops.dot(bent, viewer) > 0).all()
     clear = ops.reflect(ops.negate(viewer), normal)[1] >= normal_map.CLEAR
-    assert np.abs(np.stack(made) - np.stack(normal))[:, clear].max() == 0.0
+    assert np.abs(np.stack(bent) - np.stack(normal))[:, clear].max() == 0.0
 
 
 def test_scenes_without_maps_keep_their_tables():

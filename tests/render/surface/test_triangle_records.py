@@ -103,20 +103,20 @@ def test_records_match_interactions(tmp_path: Path, name: str, how: str) -> None
     zero = np.zeros(648)
     direction = (zero, zero - 1.0, zero)
     ray = Ray((zero, zero + 9.0, zero), direction, zero, zero + np.inf, None)
-    found = interaction.make_interaction(tables, ray, Hit(zero + 9.0, np.full(648, i), numbers, u, v))
+    surface = interaction.make_interaction(tables, ray, Hit(zero + 9.0, np.full(648, i), numbers, u, v))
     rows = tried.records.rows[first + numbers]
-    side = np.where(found.front, 1.0, -1.0)
-    assert np.allclose(rows[:, :3], np.stack(found.geometric, axis=1) * side[:, None], atol=2e-5)
-    assert np.array_equal(rows[:, 4:7], np.stack([np.full(648, i), numbers, found.material], axis=1))
+    side = np.where(surface.front, 1.0, -1.0)
+    assert np.allclose(rows[:, :3], np.stack(surface.geometric, axis=1) * side[:, None], atol=2e-5)
+    assert np.array_equal(rows[:, 4:7], np.stack([np.full(648, i), numbers, surface.material], axis=1))
     assert (rows[:, 7] == (triangle_records.ROUNDED if name == "smooth" else triangle_records.PLAIN)).all()
-    wide = (found.offset / (interaction.ROUNDING * ops.roundoff(zero))) >= -rows[:, 3] * (1 - 1e-5)
+    wide = (surface.offset / (interaction.ROUNDING * ops.roundoff(zero))) >= -rows[:, 3] * (1 - 1e-5)
     assert wide.all()
     if name == "smooth":
         corners = tried.records.rounded.corners.reshape(-1, triangle_records.CORNERS)[:, :9].reshape(-1, 3, 3)
         mean = np.einsum("nk,nkx->nx", np.stack([1.0 - u - v, u, v], axis=1), corners)
         mean /= np.linalg.norm(mean, axis=1, keepdims=True)
         mean *= np.sign(np.sum(mean * rows[:, :3], axis=1, keepdims=True))
-        assert np.allclose(mean, np.stack(found.normal, axis=1) * side[:, None], atol=2e-5)
+        assert np.allclose(mean, np.stack(surface.normal, axis=1) * side[:, None], atol=2e-5)
 
 
 def test_a_formulas_primitive_is_no_row():
@@ -153,12 +153,12 @@ def test_lights_lie_between_their_corners(tmp_path: Path) -> None:
     corners = primitive_list.light_corners(tables)
     u, v = np.random.default_rng(2).uniform(0, 1, (2, 4000))
     origin = tuple(np.full(4000, x) for x in (0.1, 0.4, 2.5))
-    met = []
+    samples = []
     for row in np.flatnonzero(np.isin(tables.lights.kind, (ir.LightKind.RECTANGLE, ir.LightKind.DISK, ir.LightKind.SPHERE))):
         arriving = light_samples.sample(tables, int(row), origin, u, v)
-        met.append(np.stack([o + arriving.distance * d for o, d in zip(origin, arriving.direction, strict=True)], axis=1))
-    points = np.concatenate(met)
-    assert len(met) == 4
+        samples.append(np.stack([o + arriving.distance * d for o, d in zip(origin, arriving.direction, strict=True)], axis=1))
+    points = np.concatenate(samples)
+    assert len(samples) == 4
     assert (points >= corners.min(axis=0) - 1e-9).all()
     assert (points <= corners.max(axis=0) + 1e-9).all()
     assert np.abs(np.ptp(points, axis=0) / np.ptp(corners, axis=0) - 1.0).max() < 0.1

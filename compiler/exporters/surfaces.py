@@ -48,7 +48,15 @@ class MaterialRow:
 
 
 class SurfaceRow(MaterialRow):
-    """A row as a metallic–roughness surface."""
+    """A row as a metallic–roughness surface. Losses that the format carries by other means are left out."""
+
+    def __init__(self, out: Export, row: int, carried: frozenset[str] = frozenset()) -> None:
+        super().__init__(out, row)
+        self._carried = carried
+
+    def cannot(self, message: str, hint: str = "") -> None:
+        if message not in self._carried:
+            super().cannot(message, hint)
 
     @property
     def ior(self) -> Input:
@@ -70,9 +78,9 @@ class SurfaceRow(MaterialRow):
         return (names[self.row] if self.row < len(names) else "") or f"material{self.row}"
 
 
-def surface_of(out: Export, row: int) -> Exported:
-    """The surface of a material that is not a blend. Reports inputs that the format lacks."""
-    surface_row = SurfaceRow(out, row)
+def surface_of(out: Export, row: int, carried: frozenset[str] = frozenset()) -> Exported:
+    """The surface of a material that is not a blend. Reports inputs that the format lacks, but for the losses `carried`."""
+    surface_row = SurfaceRow(out, row, carried)
     surface_row.reports_vertex_light()
     assert surface_row.module.surface is not None
     return surface_row.module.surface(surface_row)

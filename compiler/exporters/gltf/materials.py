@@ -20,6 +20,7 @@ from ..placement import F64
 from ..surfaces import surface_of
 from ..texture_sets import TextureSets
 from .container import Container
+from .looks import Looks
 
 _WRAPS = {ir.Wrap.REPEAT: 10497, ir.Wrap.CLAMP: 33071, ir.Wrap.MIRROR: 33648}
 _NEAREST, _LINEAR, _MIPS = 9728, 9729, 9987
@@ -31,6 +32,7 @@ class Written(NamedTuple):
 
     index: int
     sets: TextureSets
+    is_turned: bool = False  # whether its highlights follow u
 
 
 class Materials:
@@ -47,10 +49,11 @@ class Materials:
         key = (row, b"" if radiance is None else radiance.tobytes())
         if key not in self._written:
             self._sets = TextureSets(self.tables)
-            exported = surface_of(self.out, row)._replace(medium=medium_of(self.out, row))
-            document = self._document(exported) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
+            looks = Looks(self.tables.materials, row)
+            exported = surface_of(self.out, row, looks.carried())._replace(medium=medium_of(self.out, row))
+            document = self._document(exported, looks) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
             document["doubleSided"] = True
-            self._written[key] = Written(self.container.add("materials", document), self._sets)
+            self._written[key] = Written(self.container.add("materials", document), self._sets, radiance is None and looks.is_turned)
         return self._written[key]
 
     # --- documents ---
@@ -60,7 +63,7 @@ class Materials:
         document: dict[str, Any] = {"name": name, "pbrMetallicRoughness": pbr, **self._emission(Input(tuple(radiance.tolist())))}
         return document
 
-    def _document(self, exported: Exported) -> dict[str, Any]:
+    def _document(self, exported: Exported, looks: Looks) -> dict[str, Any]:
         if exported.body:  # its colour is in the medium
             exported = exported._replace(diffuse_transmission=Input(WHITE))
             if exported.surface.diffuse.texture >= 0:
@@ -80,7 +83,7 @@ class Materials:
         pbr: dict[str, Any] = {"baseColorFactor": [*factor, min(max(alpha, 0.0), 1.0)]}
         if base is not None:
             pbr["baseColorTexture"] = base
-        pbr |= {"metallicFactor": s.metallic.value[0], "roughnessFactor": s.roughness.value[0]}
+        pbr |= {"metallicFactor": s.metallic.value[0], "roughnessFactor": looks.roughness(s.roughness.value[0])}
         packed = self._packed(s.metallic.texture, s.roughness.texture)
         if packed is not None:
             pbr["metallicRoughnessTexture"] = packed
@@ -94,7 +97,7 @@ class Materials:
         if s.occlusion.texture >= 0:
             document["occlusionTexture"] = self._picture(s.occlusion.texture)
         document |= self._emission(s.emissive)
-        if extensions := self._extensions(exported, share):
+        if extensions := {**self._extensions(exported, share), **looks.extensions()}:
             document.setdefault("extensions", {}).update(extensions)
         for name in document.get("extensions", {}):
             self.container.use(name)

@@ -91,6 +91,8 @@ class _Writer:
         shell = part_of(body.shell, chosen)
         kind = int(self.tables.geometries.kind[self.tables.instances.geometry[body.instance]])
         shell, sets = written.sets.coordinates(self.out, shell, kind, scale)
+        if written.is_turned and not sets and shell.uvs is not None:  # they are the direction of its highlights
+            sets = [shell.uvs]
         shell, sets = compact(shell, sets)
         attributes = {"POSITION": self.container.floats(shell.positions, bounds=True)}
         if shell.normals is not None and self.tables.materials.shading[row] != ir.Shading.FLAT:

@@ -1,0 +1,84 @@
+"""Writes what glTF's extensions add to a surface: anisotropy, iridescence, the tint of the highlight, dispersion. Constants alone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ....materials import losses
+from ... import ir
+
+Slot = ir.Slot
+_COAT_IOR = 1.5  # of glTF's coat, which darkens no base
+_MICROMETRES = 1e3  # nanometres
+_ROUND = ("specular_roughness_anisotropy", "specular_rotation")
+_FILM = ("thin_film_weight", "thin_film_thickness", "thin_film_ior")
+_HIGHLIGHT = ("specular_weight", "specular_color")
+
+
+class Looks:
+    """The extensions of a row of Materials."""
+
+    def __init__(self, materials: ir.Materials, row: int) -> None:
+        self._values, self._textures = materials.values[row], materials.textures[row]
+        self._model = ir.MaterialModel(int(materials.model[row]))
+        slabs = self._model == ir.MaterialModel.OPENPBR
+        self._round = slabs and self._constant(Slot.ANISOTROPY, Slot.ROTATION, Slot.ROUGHNESS) and self._number(Slot.ANISOTROPY) > 0.0
+        self._film = slabs and self._constant(Slot.FILM, Slot.FILM_THICKNESS, Slot.FILM_IOR) and self._number(Slot.FILM) > 0.0
+        dielectric = slabs and self._constant(Slot.METALLIC, Slot.SPECULAR_WEIGHT, Slot.SPECULAR) and self._number(Slot.METALLIC) == 0.0
+        self._tinted = dielectric and (self._number(Slot.SPECULAR_WEIGHT) != 1.0 or bool((self._values[Slot.SPECULAR] != 1.0).any()))
+        self._dispersive = self._model == ir.MaterialModel.GLASS and self._number(Slot.DISPERSION) > 0.0
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether highlights follow the texture coordinate u."""
+        return self._round
+
+    def carried(self) -> frozenset[str]:
+        """The losses of a metallic–roughness surface that the extensions carry."""
+        names: list[str] = []
+        for is_used, carried in ((self._round, _ROUND), (self._film, _FILM), (self._tinted, _HIGHLIGHT)):
+            names += carried if is_used else ()
+        if self._model == ir.MaterialModel.OPENPBR and self._number(Slot.COAT_IOR) == _COAT_IOR:
+            names.append("coat_ior")
+        if self._model == ir.MaterialModel.OPENPBR and self._number(Slot.COAT_DARKENING) == 0.0:
+            names.append("coat_darkening")
+        return frozenset((*map(losses.argument, names), *([losses.DISPERSION] if self._dispersive else [])))
+
+    def roughness(self, rough: float) -> float:
+        """The roughness that glTF has across the direction of the anisotropy, of that of the surface."""
+        return math.sqrt(self._alphas()[1]) if self._round else rough
+
+    def extensions(self) -> dict[str, Any]:
+        """The extensions by their names."""
+        found: dict[str, Any] = {}
+        if self._round:
+            along, across = self._alphas()
+            strength = math.sqrt(max(along - across, 0.0) / max(1.0 - across, 1e-9))
+            turn = 2.0 * math.pi * self._number(Slot.ROTATION)
+            found["KHR_materials_anisotropy"] = {"anisotropyStrength": min(strength, 1.0), "anisotropyRotation": turn}
+        if self._film:
+            found["KHR_materials_iridescence"] = {
+                "iridescenceFactor": self._number(Slot.FILM), "iridescenceIor": max(self._number(Slot.FILM_IOR), 1.0),
+                "iridescenceThicknessMaximum": _MICROMETRES * self._number(Slot.FILM_THICKNESS),
+            }  # fmt: skip
+        if self._tinted:
+            specular = {"specularFactor": min(self._number(Slot.SPECULAR_WEIGHT), 1.0)}
+            found["KHR_materials_specular"] = {**specular, "specularColorFactor": self._values[Slot.SPECULAR].tolist()}
+        if self._dispersive:
+            found["KHR_materials_dispersion"] = {"dispersion": self._number(Slot.DISPERSION)}
+        return found
+
+    def _alphas(self) -> tuple[float, float]:
+        """α of the highlight along and across its direction, at most 1."""
+        share = 1.0 - float(np.clip(self._number(Slot.ANISOTROPY), 0.0, 1.0))
+        along = self._number(Slot.ROUGHNESS) ** 2 * math.sqrt(2.0 / (1.0 + share * share))
+        return min(along, 1.0), min(along * share, 1.0)
+
+    def _number(self, slot: ir.Slot) -> float:
+        return float(self._values[slot, 0])
+
+    def _constant(self, *slots: ir.Slot) -> bool:
+        return bool((self._textures[list(slots)] < 0).all())

@@ -1,0 +1,60 @@
+"""Anisotropy, iridescence, tints and dispersion written to glTF and read back."""
+
+from __future__ import annotations
+
+import maquette
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from maquette.cli.main import cli
+from maquette.compiler import ir
+
+Slot = ir.Slot
+SCENE = "sphere(1, material: MATERIAL)\ncamera(position: [0, 1, 5])\ndirectional(from: [1, 2, 3])\nrender(size: [24, 18], samples: 4)\n"
+
+
+def converted(folder, material):
+    """(scene, the scene of its .glb, what the command said)"""
+    (folder / "a.scene").write_text(SCENE.replace("MATERIAL", material), encoding="utf-8")
+    done = CliRunner().invoke(cli, ["convert", str(folder / "a.scene"), str(folder / "a.glb")])
+    assert done.exit_code == 0, done.output
+    return maquette.load(folder / "a.scene"), maquette.load(folder / "a.glb"), done.output
+
+
+def numbers(scene, *slots):
+    row = scene.tables.instances.material[0]
+    return np.concatenate([scene.tables.materials.values[row, slot] for slot in slots])
+
+
+@pytest.mark.parametrize(
+    ("material", "slots"),
+    [
+        ("openpbr(#c09040, base_metalness: 1, specular_roughness: 0.3, specular_roughness_anisotropy: 0.8, specular_rotation: 0.1)",
+         (Slot.DIFFUSE, Slot.METALLIC, Slot.ROUGHNESS, Slot.ANISOTROPY, Slot.ROTATION)),
+        ("openpbr(#202020, specular_ior: 1.5, thin_film_weight: 0.8, thin_film_thickness: 0.45, thin_film_ior: 1.33)",
+         (Slot.DIFFUSE, Slot.IOR, Slot.ROUGHNESS, Slot.FILM, Slot.FILM_THICKNESS, Slot.FILM_IOR)),
+        ("openpbr(#202020, thin_film_weight: 1, specular_weight: 0.5, specular_color: rgb(1, 0.5, 0.25))",
+         (Slot.SPECULAR_WEIGHT, Slot.SPECULAR, Slot.FILM)),
+        ("openpbr(#802020, thin_film_weight: 1, coat_weight: 0.5, coat_roughness: 0.2, coat_ior: 1.5, coat_darkening: 0)",
+         (Slot.COAT, Slot.COAT_ROUGHNESS, Slot.COAT_IOR, Slot.COAT_DARKENING)),
+        ("glass(dispersion: 0.5, ior: 1.7)", (Slot.IOR, Slot.DISPERSION)),
+    ],
+)  # fmt: skip
+def test_round_trips(tmp_path, material, slots):
+    there, back, said = converted(tmp_path, material)
+    assert len({int(scene.tables.materials.model[scene.tables.instances.material[0]]) for scene in (there, back)}) == 1
+    assert numbers(back, *slots) == pytest.approx(numbers(there, *slots), abs=1e-6)
+    assert "is not carried" not in said
+
+
+@pytest.mark.long
+def test_the_picture_of_the_way_back(tmp_path):
+    metal = "openpbr(#c09040, base_metalness: 1, specular_roughness: 0.5, specular_roughness_anisotropy: 0.8)"
+    there, back, _ = converted(tmp_path, metal)
+    a, b = (np.asarray(scene.render(size=(24, 18), samples=16, backend="reference", view="standard")) for scene in (there, back))
+    assert np.abs(a - b)[..., :3].mean() < 0.05 * a[..., :3].mean()
+
+
+def test_pictures_of_the_direction_are_reported(tmp_path):
+    _, _, said = converted(tmp_path, "openpbr(#888888, specular_roughness_anisotropy: 0.5, specular_rotation: pattern(|x, y, z| x))")
+    assert "`specular_rotation` is not carried" in said

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ...lights import DISTANT, PLACED, SUNS, SURFACES
+from ...lights import DISTANT, PLACED, POINTS, SUNS, SURFACES
 from ...materials import traits
 from .. import ir
 from ..ir import light_links
@@ -21,6 +21,8 @@ SMALL_FOR_DENSE = 0.1  # the same for a caster with a dense medium: light that s
 DENSE = 10.0  # free paths across a caster's medium, from which it is dense
 FAINT = 0.1  # least reflectance that photons are aimed by: highlights reflect more at grazing angles
 CARRIERS = ("photons", "paths")
+THIN = 4.0  # free paths across a medium, up to which photons in it are beams: in denser ones each has many short flights
+MEDIA_CARRIERS = ("beams", "points")
 
 
 def gains(tables: ir.Tables) -> np.ndarray:
@@ -95,6 +97,52 @@ def holds_dense_medium(tables: ir.Tables) -> bool:
     held = mirrors & (row >= 0)
     paths = 2.0 * radius[held] * tables.media.scattering[row[held]].max(axis=1, initial=0.0)
     return bool((np.where(np.isfinite(paths), paths, math.inf) >= DENSE).any())
+
+
+def beam_media(tables: ir.Tables, all_depths: bool = False) -> np.ndarray:
+    """(media,) bool: media in which photons are beams: thin ones, or with `all_depths` all whose density has a closed form."""
+    media, bodies = tables.media, tables.materials.medium[traits.varying_bodies(tables)]
+    closed = (media.density < 0) & (media.scattering.max(axis=1, initial=0.0) > 0.0)
+    closed[bodies[bodies >= 0]] = False
+    centre, radius = bounding_spheres(tables)
+    finite, row = np.isfinite(radius), tables.materials.medium[tables.instances.material]
+    across = np.zeros(len(closed))
+    np.maximum.at(across, row[row >= 0], 2.0 * radius[row >= 0])
+    if finite.any():
+        low, high = (centre - radius[:, None])[finite].min(axis=0), (centre + radius[:, None])[finite].max(axis=0)
+        across[media.everywhere] = float(np.linalg.norm(high - low))
+    paths = np.where(closed, across, 0.0) * media.scattering.max(axis=1, initial=0.0)
+    return closed & (all_depths | (paths <= THIN))
+
+
+def carrier_in_media(tables: ir.Tables, carrier_: str) -> tuple[str, str, tuple[str, ...]]:
+    """(form of photons in media: "beams", "points" or "none"; the reason; the possible values)."""
+    if carrier_ != "photons" or not (tables.media.scattering > 0.0).any():
+        return "none", "no photons scatter in media", ("none",)
+    if not beam_media(tables, all_depths=True).any():
+        return "points", "each density is a formula or voxels: the light of a beam has no closed form", MEDIA_CARRIERS[1:]
+    if not beam_media(tables).any():
+        return "points", f"each medium is over {THIN:g} free paths across: photons have many short flights", MEDIA_CARRIERS
+    if not _confined(tables):
+        return "points", "some light scatters before it meets a caustic caster: its noise is larger than that of photons", MEDIA_CARRIERS
+    return "beams", f"all light passes caustic casters, and a medium is at most {THIN:g} free paths across", MEDIA_CARRIERS
+
+
+def _confined(tables: ir.Tables) -> bool:
+    """Whether all light meets a caustic caster first: that of lamps in bulbs, and of spots whose cone a caster fills."""
+    lit, (centre, radius), mirrors = tables.lights, bounding_spheres(tables), gathering(tables)
+    centre, radius = centre[mirrors], radius[mirrors]
+    for k in np.flatnonzero(lit.color.max(axis=1, initial=0.0) > 0.0):
+        place = lit.position[k] if lit.kind[k] in POINTS else tables.transforms.matrix[lit.transform[k], :, 3]
+        bulb = lit.kind[k] in PLACED and bool(enclosing(tables, place[None])[0])
+        way = centre - place
+        away = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
+        off = np.arccos(np.clip(way @ lit.direction[k] / away, -1.0, 1.0)) + math.acos(float(np.clip(lit.cos_cone[k], -1.0, 1.0)))
+        fills = lit.kind[k] == ir.LightKind.SPOT and bool((off < np.arcsin(np.clip(radius / away, 0.0, 1.0))).any())
+        if not (bulb or fills):
+            return False
+    shining = traits.emissive(tables)[tables.instances.material] & (tables.instances.light < 0)
+    return bool(enclosing(tables, bounding_spheres(tables)[0][shining]).all())
 
 
 def bright_spots(tables: ir.Tables) -> dome_spots.Spots | None:

@@ -162,6 +162,11 @@ def _caustics(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("transport.caustics", value, reason, choices, fixed="--backend" if plan["backend"] == "reference" else "")
 
 
+def _caustics_in_media(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
+    value, reason, choices = caustic_casters.carrier_in_media(scene.tables, plan["transport.caustics"])
+    return Decision("transport.caustics_in_media", value, reason, choices)
+
+
 def _indoors(scene: ir.Scene, settings: ir.Settings, plan: Plan) -> Decision:
     return Decision("indoors", *sky_visibility.indoors(scene, plan))
 
@@ -188,4 +193,4 @@ INTEGRATOR: tuple[Rule, ...] = (
     _enclosed_bounces, _bounces, _interreflection, _monte_carlo, _transport, _mis, _precision, _shadows, _light_shapes,
 )  # fmt: skip
 VISIBILITY: tuple[Rule, ...] = (_ground_plane, _opacity)
-CAUSTICS: tuple[Rule, ...] = (_caustics, _indoors, _path_reuse, _sky_visibility)
+CAUSTICS: tuple[Rule, ...] = (_caustics, _caustics_in_media, _indoors, _path_reuse, _sky_visibility)

@@ -180,7 +180,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
     if aims is not None:
         from ..integrator.photons import tracer as photons  # few scenes need it
 
-        tracer = photons.Tracer(accel, packed, frames, cast(aims, kind), kind, threads or target.cores())
+        tracer = photons.Tracer(accel, packed, frames, cast(aims, kind), kind, threads or target.cores(), light.photons.beams)
         tracer.ready()
     return Prepared(tables, packed, accel, None, options, frames, paths=kind, photon_tracer=tracer)
 
@@ -217,16 +217,36 @@ def _add_photons(tables: ir.Tables, plan: Plan, light: Any, kind: type) -> tuple
     aims = aims._replace(inside=_emitter_stacks(tables, light.emitters, photon_emitters))
     gains = caustic_casters.gains(tables) * (traits.narrow_highlights(tables) > 0.0)[tables.instances.material]
     caustic_reflectance = gains if gains.any() else photon_map.NoMaps()
-    light = light._replace(photons=_no_photons(tables, kind), photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance)
+    photons = _no_photons(tables, kind, _beamed(tables, plan), aims.reach)
+    light = light._replace(photons=photons, photon_emitters=photon_emitters, caustic_reflectance=caustic_reflectance)
     return light._replace(spots=spots), aims
 
 
-def _no_photons(tables: ir.Tables, kind: type) -> Any:
-    """Maps without photons, with those of media in scenes with scattering ones."""
-    from ..integrator.photon_maps import photon_map, photon_volume
+def _no_photons(tables: ir.Tables, kind: type, beamed: np.ndarray | None = None, reach: float = 0.0) -> Any:
+    """Maps without photons, with those of media in scenes with scattering ones; see photon_beams.Beams."""
+    from ..integrator.photon_maps import photon_beams, photon_map, photon_volume
 
-    maps = photon_map.empty(kind)
-    return maps if medium_stack.scattering(tables) is None else maps._replace(volume=photon_volume.empty(kind))
+    maps, table = photon_map.empty(kind), tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    if medium_stack.scattering(tables) is None:
+        return maps
+    none = np.zeros(len(table.index), bool)
+    beams = photon_beams.empty(kind, none if beamed is None else beamed, reach)
+    return maps._replace(volume=photon_volume.empty(kind), beams=beams)
+
+
+def _beamed(tables: ir.Tables, plan: Plan) -> np.ndarray | None:
+    """By number, whether photons in a medium are beams; None in scenes without scattering media."""
+    form = plan.decisions["transport.caustics_in_media"]
+    if medium_stack.scattering(tables) is None:
+        return None
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    beamed = np.zeros(len(table.index), bool)
+    if form.value == "beams":
+        thin, medium = caustic_casters.beam_media(tables, form.overridden), tables.materials.medium
+        rows = np.flatnonzero((table.number > 0) & (medium >= 0))
+        beamed[table.number[rows]] = thin[medium[rows]]
+        beamed[1:2] |= (thin & tables.media.everywhere).any()
+    return beamed
 
 
 def _emitter_stacks(tables: ir.Tables, emitters: Any, chosen: np.ndarray) -> Any:

@@ -25,7 +25,7 @@ from ..types import Lane, Ray
 from . import path_reuse
 from .path import shade_vertex
 from .path_emission import environment_radiance, weigh_glow
-from .photon_maps import photon_map, photon_volume
+from .photon_maps import photon_beams, photon_map, photon_volume
 from .ray_queue import as_searched, attenuate_between, enters, for_search, from_search, pad, queue_up
 from .state import flights
 from .state.path_state import Connection, PathSample, PathState
@@ -242,12 +242,13 @@ def _shade_stage(scene, frame, memory, source, n, depth):
         time = sobol.sample_time(pixel, sample, options.seed, frame.shutter)
         end = ops.where(surfaces, hit.t, np.inf)
         flown = flights.fly(medium_stack.scattering(tables), None, tables, path, active, end, index, time)
-        path = flights.weighted(flown, path)
+        start, path = path, flights.weighted(flown, path)
         missed = flights.without_scattered(flown, active & ops.not_(surfaces))
         surfaces = flights.without_scattered(flown, surfaces)
         if ops.any_lane(missed):
             _add_environment(tables, light, options, memory, path, missed, slot, i, depth)
         flown = weigh_glow(light.emitters.media, flown, tables, light, path, depth > options.bounces)
+        flown = photon_beams.along(photon_beams.of(light.photons), flown, tables, start, active, end, index, options.bounces)
         add_glow(flown, None, memory, slot, active, depth)
         if ops.not_(ops.any_lane(flights.any_vertex(flown, surfaces))):
             continue

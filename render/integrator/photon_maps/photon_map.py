@@ -54,6 +54,7 @@ class Maps(NamedTuple):
     origin: NDArray[np.float64]  # (3,)
     cells: NDArray[np.float64]  # (LEVELS,) 1 / width
     volume: Any = NoMaps()  # photon_volume.Volume in scenes with scattering media
+    beams: Any = NoMaps()  # photon_beams.Beams likewise
 
 
 class Gathered(NamedTuple):

@@ -32,14 +32,14 @@ from ...sampling import sobol
 from ...simd.registration import overload, types
 from ...surface import blend, interaction, normal_map, tangent_frame
 from ...types import Lane, Surface, Tables, Vec
-from ..photon_maps import photon_map, photon_volume
+from ..photon_maps import photon_beams, photon_map, photon_volume
 from ..photon_maps.photon_coverage import photon_covers_lobe
 from ..photon_maps.photon_map import COLUMNS
 from ..state import flights
 from ..state.path_state import PathState
 from ..wave_intersection import intersect_stage, load_hits, surface_at
 from ..wave_memory import STATE, WaveMemory, load_body, load_medium, load_near, store_body, store_optional
-from . import media
+from . import adjoint, media
 from .aims import Aims
 from .emission import emit
 
@@ -54,7 +54,6 @@ PART, BEND = 1 << 19, 1 << 20  # dimensions of random numbers
 WELL_SPREAD = 6  # pairs of numbers that are Sobol points; surfaces take two each
 BENT, SPREAD, THROWN = 1, 2, 4  # flags: after a specular surface; then a glossy one; after a polished metal, and no diffuse surface yet
 DIVIDED = 8  # flag: has a wavelength
-LARGEST = 16.0  # greatest factor of a photon's weight by interpolated normals
 
 
 class Batch(NamedTuple):
@@ -88,8 +87,11 @@ class Record(NamedTuple):
 class Tracer:
     """Makes photon maps, round by round; see film.Renderer.refresh."""
 
-    def __init__(self, accel: Handle, scene: Handle, frame: Handle, aims: Aims, kind: type, threads: int) -> None:
-        """`accel`, `scene` and `frame` as for `wavefront.draw_tile`; `kind` is their floating-point type and that of the aims."""
+    def __init__(self, accel: Handle, scene: Handle, frame: Handle, aims: Aims, kind: type, threads: int, beams: Any = None) -> None:
+        """`accel`, `scene` and `frame` as for `wavefront.draw_tile`; `kind` is their floating-point type and that of the aims.
+
+        `beams` are photon_beams.Beams without beams; None in scenes without scattering media.
+        """
         self.accel, self.scene, self.frame, self.kind, self.threads = accel, scene, frame, kind, threads
         self.aims = Handle(aims)
         self.local = threading.local()  # WaveMemory of each thread
@@ -100,6 +102,7 @@ class Tracer:
         self.width = 0.5 * float(radii.max()) if len(radii) else 0.05 * aims.reach  # of the coarsest cells
         self.reach = float(aims.reach)
         self.scatters = isinstance(aims.inside, np.ndarray)
+        self.beams = beams  # maps without any, or None
         self.volume_width, self.collisions = 0.0, 0.0  # of the coarsest cells in media; there, of each photon
 
     def ready(self) -> None:
@@ -137,8 +140,9 @@ class Tracer:
             return photon_map.build(landed, each, so_far, self.width, origin, self.kind, self.threads)
         parts = [photon_volume.split(rows) for rows in landed]
         maps = photon_map.build([part[0] for part in parts], each, so_far, self.width, origin, self.kind, self.threads)
-        of_media = [part[1] for part in parts]
-        return maps._replace(volume=photon_volume.build(of_media, each, so_far, self.volume_width, origin, self.kind, self.threads))
+        of_media, beams = zip(*(photon_beams.split(part[1]) for part in parts), strict=True)
+        volume = photon_volume.build([*of_media], each, so_far, self.volume_width, origin, self.kind, self.threads)
+        return maps._replace(volume=volume, beams=photon_beams.build([*beams], each, so_far, origin, self.beams, self.threads))
 
     def _sound(self) -> None:
         """Measure how often photons scatter in media, and choose the width of the coarsest cells there."""
@@ -238,6 +242,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
         key = Key(number, index, depth, seed, 0, path.body, None)
         hit, piece, hits = load_hits(memory, i, active)
         flown = media.fly(table, None, tables, path, active, counts, ops.where(hits, hit.t, np.inf), key)
+        kept = _store_beams(photon_beams.of(light.photons), kept, stored, path, active & counts, ops.where(hits, hit.t, np.inf), origin)
         hits = flights.without_scattered(flown, hits)
         if ops.not_(ops.any_lane(flights.any_vertex(flown, hits))):
             continue
@@ -256,7 +261,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
         point = flights.place(event, point, path)
         record = _landing(shader, point, flights.surfaces(event, vertices), path.phase, power)
         kept = _store(stored, kept, record, path.direction, origin)
-        kept = _store_collisions(event, kept, stored, tables, path, power, share, key, origin)
+        kept = _store_collisions(event, kept, stored, scene, path, power, share, key, origin)
         onward, going = _scatter(tables, light, event, path, (point, shader), vertices, (before, power), key, (component, divided))
         onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
         if ops.any_lane(going):
@@ -315,7 +320,7 @@ def _scatter(
     which, end = _numbers(number, index, 2 * depth + 1, seed)
     scattered = bsdf.sample_bsdf(shader, light.uses, point, ops.negate(direction), u, v, which)
     sharp = scattered.density >= ONLY
-    weight = ops.scale(scattered.weight, _adjoint(point, shader, direction, scattered.direction, sharp))
+    weight = ops.scale(scattered.weight, adjoint.factor(point, shader, direction, scattered.direction, sharp))
     chance = ops.minimum(ops.largest(weight), 1.0)
     metal = bsdf.is_polished(shader) & ops.not_(sharp)
     first = flights.surfaces(event, vertices) & ops.not_(bent | thrown)
@@ -368,7 +373,7 @@ def _sample_lobe(
     if ops.any_lane(sampled):
         u, v, which = numbers
         to, share = bsdf.sample_lobe(shader, point.normal, ops.negate(arriving), u, v, which)
-        share = ops.scale(share, _shading_normal_factor(point, arriving, to))
+        share = ops.scale(share, adjoint.of_normals(point, arriving, to))
         zero = 0.0 * chance
         share = ops.where3(ops.dot(to, point.geometric) > 0.0, share, (zero, zero, zero))
         direction, weight = ops.where3(sampled, to, direction), ops.where3(sampled, share, weight)
@@ -395,27 +400,6 @@ _part = blend.if_blended(_sample_part)
 
 
 @helper
-def _adjoint(point: Surface, shader: Shader, arriving: Vec, leaving: Vec, sharp: Lane) -> Lane:
-    """The factor of photons against the radiance BSDF.
-
-    Radiance here is not scaled by the square of the index; so photons that enter a medium are, and lose the factor on leaving it.
-    """
-    passes = ops.dot(arriving, point.geometric) * ops.dot(leaving, point.geometric) > 0.0
-    through = bsdf.refracts(shader, sharp) & passes
-    eta = bsdf.relative_index(shader, ops.where(point.front, 1.0 / shader.ior, shader.ior))
-    eta = ops.where(through, eta, 1.0)
-    return eta * eta * _shading_normal_factor(point, arriving, leaving)
-
-
-@helper
-def _shading_normal_factor(point: Surface, arriving: Vec, leaving: Vec) -> Lane:
-    """The correction for shading normals of the adjoint BSDF (Veach 1997, §5.3)."""
-    bent = ops.absolute(ops.dot(arriving, point.normal) * ops.dot(leaving, point.geometric))
-    true = ops.absolute(ops.dot(arriving, point.geometric) * ops.dot(leaving, point.normal))
-    return ops.minimum(bent / ops.maximum(true, 1e-12), LARGEST)
-
-
-@helper
 def _store(stored: Any, kept: int, record: Record, direction: Vec, origin: Any) -> int:
     """Write the photons of a record, if there is space, after `kept` ones; return the number of all."""
     space, lands = stored.shape[1], record.lands
@@ -434,13 +418,23 @@ def _store(stored: Any, kept: int, record: Record, direction: Vec, origin: Any) 
 
 @helper
 def _store_scattered(
-    event: Any, kept: int, stored: Any, tables: Tables, path: PathState, power: Vec, share: float, key: Key, origin: Any
+    event: Any, kept: int, stored: Any, scene: Any, path: PathState, power: Vec, share: float, key: Key, origin: Any
 ) -> int:  # fmt: skip
-    lands, fluence, code = media.collision(event, None, tables, path, power, share, key)
+    lands, fluence, code = media.collision(event, None, scene.tables, path, power, share, key)
+    lands = photon_beams.unbeamed(photon_beams.of(scene.light.photons), lands, path)
     zero = 0.0 * power[0]
     return _store(stored, kept, Record(lands, event.position, (zero, zero, zero), fluence, code), path.direction, origin)
 
 
+@helper
+def _store_flights(beams: Any, kept: int, stored: Any, path: PathState, flying: Lane, end: Lane, origin: Any) -> int:
+    lands, length, code = photon_beams.beam(beams, None, path, flying, end)
+    zero = 0.0 * length
+    start = ops.along(path.origin, path.direction, path.near)
+    return _store(stored, kept, Record(lands, start, (length, zero, zero), path.weight, code), path.direction, origin)
+
+
+_store_beams = specialize_if_present(_store_flights)  # (beams, kept, …): store flights through media whose photons are beams
 _store_collisions = specialize_if_present(_store_scattered)  # (event, kept, …): store photons that scatter in media
 
 

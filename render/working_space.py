@@ -38,14 +38,14 @@ def scene_in(scene: ir.Scene, plan: Plan) -> tuple[ir.Scene, Plan]:
     space = plan["working_space"]
     if space == REC709 and not scene.is_wide:
         return scene, plan
-    kept = _made.setdefault(scene, {})
-    if space not in kept:
-        kept.clear()
-        kept[space] = replace(scene, tables=_clipped(scene.tables) if space == REC709 else _Conversion(scene.tables, space).tables())
+    by_space = _made.setdefault(scene, {})
+    if space not in by_space:
+        by_space.clear()
+        by_space[space] = replace(scene, tables=_clipped(scene.tables) if space == REC709 else _Conversion(scene.tables, space).tables())
     if space != REC709 and not isinstance(plan["background"], str):
         color = tuple((_matrix(space) @ np.array(plan["background"])).tolist())
         plan = Plan({**plan.decisions, "background": replace(plan.decisions["background"], value=color)})
-    return kept[space], plan
+    return by_space[space], plan
 
 
 def _matrix(space: str) -> F64:
@@ -165,10 +165,10 @@ class _Conversion:
             new_row[row] = len(first)
             texels.append(part)
             first, width, height, end = [*first, end], [*width, width[row]], [*height, height[row]], end + count
-        taken = np.where(colored & (rows >= 0), new_row[np.maximum(rows, 0)] if len(new_row) else rows, rows)
+        image_rows = np.where(colored & (rows >= 0), new_row[np.maximum(rows, 0)] if len(new_row) else rows, rows)
         of_lights = np.where(lights.image >= 0, new_row[np.maximum(lights.image, 0)] if len(new_row) else lights.image, lights.image)
         table = {"first": first, "width": width, "height": height, "texels": np.concatenate(texels)}
-        return ir.table_of("images", table), taken.astype(np.int32), of_lights.astype(np.int32)
+        return ir.table_of("images", table), image_rows.astype(np.int32), of_lights.astype(np.int32)
 
     def _patterns(self, tape_of: NDArray[Any], converted: NDArray[np.bool_]) -> tuple[ir.Pools, ir.Tapes, NDArray[Any]]:
         """(Pools, Tapes, the column of Textures) with the tapes of patterns times the matrix. Tapes of one result are grey."""
@@ -198,8 +198,8 @@ def _absorption(coefficients: F64, matrix: F64) -> F64:
     """Coefficients per metre, (n, 3), whose transmittance over a mean free path is that colour, converted. Equal ones stay."""
     mean = coefficients.mean(axis=1, keepdims=True)
     length = 1.0 / np.where(mean > 0.0, mean, 1.0)
-    left = np.exp(-coefficients * length) @ matrix.T
-    converted = np.maximum(-np.log(np.maximum(left, 1e-300)), 0.0) / length
+    transmitted = np.exp(-coefficients * length) @ matrix.T
+    converted = np.maximum(-np.log(np.maximum(transmitted, 1e-300)), 0.0) / length
     return np.where(np.ptp(coefficients, axis=1, keepdims=True) > 0.0, converted, coefficients)
 
 

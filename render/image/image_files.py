@@ -117,9 +117,9 @@ def _check_look(look: Look) -> None:
     try:
         config = color_config.opened(environment.color_config(look.ocio))
         if not look.display or look.display in config.displays:
-            known = views(look.ocio, look.display)
-            if look.view not in known:
-                raise FormatError(f"no view is called `{look.view}`; there are: {', '.join(known)}")
+            available = views(look.ocio, look.display)
+            if look.view not in available:
+                raise FormatError(f"no view is called `{look.view}`; there are: {', '.join(available)}")
         config.check(look.display, look.view, look.look)
     except color_config.ConfigError as fault:
         raise FormatError(f"{fault.message}{f'; {fault.hint}' if fault.hint else ''}") from None

@@ -78,8 +78,8 @@ class Look:
     look: str = ""  # of that configuration; "": the view's own
 
     @classmethod
-    def of(cls, plan: Mapping[str, Any], exposure: float, bits: int = 8, alpha: bool | None = None) -> Look:
-        """The look of a plan, or of a picture's metadata with its names. `alpha`: by default that of a transparent background."""
+    def of(cls, plan: Any, exposure: float, bits: int = 8, alpha: bool | None = None) -> Look:
+        """The look of a Plan. `alpha`: by default that of a transparent background."""
         keep = plan["background"] == "transparent" if alpha is None else alpha
         return cls(exposure, plan["view"], bits, keep, plan["white"], plan["ocio"], plan["display"], plan["look"])
 

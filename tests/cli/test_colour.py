@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -113,11 +114,11 @@ def test_options_without_effect_in_an_exr(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("options", [{}, {"working_space": "acescg"}])
-def test_the_live_window_shows_the_view(folder: Path, options: dict[str, str]) -> None:
+def test_the_live_window_shows_the_view(folder: Path, options: dict[str, Any]) -> None:
     config = written(folder)
     settings = ir.Settings(ocio=config, look="dim", **options)
     with served(folder / "a.scene", settings=settings) as window:
-        studio = window.session.studio
+        studio: Any = window.session.studio
         until(lambda: studio.current is not None and studio.current.complete)
         assert studio.current.plan["view"] == "plain"
         shown = np.asarray(studio.current.shown.rgba)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import maquette
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.plan.plan import PlanError
+from maquette.compiler.plan import plan as planner
+from maquette.compiler.plan.plan import Plan, PlanError
 from maquette.compiler.scene import validate
 from maquette.compiler.texture_graph.graph_builder import GraphBuilder
 from maquette.compiler.texture_graph.opcodes import U, V
@@ -40,14 +42,14 @@ def product(space: str, *colors: tuple[float, ...]) -> np.ndarray:
     return matrix(space, "rec709") @ np.prod([into @ np.array(color) for color in colors], axis=0)
 
 
-def drawn(folder: Path, material: str, space: str, backend: str = "reference", **more: object) -> np.ndarray:
+def drawn(folder: Path, material: str, space: str, backend: str = "reference", **more: Any) -> np.ndarray:
     scene = maquette.load_text(SCENE.replace("MATERIAL", material), folder)
     return np.asarray(scene.render(working_space=space, backend=backend, threads=1, **more))[1, 1, :3]
 
 
 def write_picture(path: Path, color: tuple[float, ...]) -> None:
     spec = oiio.ImageSpec(2, 2, 3, "float")
-    out = oiio.ImageOutput.create(str(path))
+    out: Any = oiio.ImageOutput.create(str(path))
     out.open(str(path), spec)
     out.write_image(np.full((2, 2, 3), color, np.float32))
     out.close()
@@ -96,9 +98,7 @@ def _first_texel(tables: ir.Tables, texture: int) -> np.ndarray:
     return tables.images.texels[tables.images.first[tables.textures.image[texture]], :3]
 
 
-def _plan(scene: ir.Scene, space: str) -> object:
-    from maquette.compiler.plan import plan as planner
-
+def _plan(scene: ir.Scene, space: str) -> Plan:
     return planner.make_plan(scene, ir.Settings(working_space=space))
 
 
@@ -154,7 +154,7 @@ def test_files_have_the_working_space_and_are_read_back(tmp_path: Path) -> None:
     scene = maquette.load_text(SCENE.replace("MATERIAL", "lambert(rgb(0.8, 0.1, 0.3))"), tmp_path)
     image = scene.render(working_space="acescg", backend="reference", aov=("albedo", "normal"))
     image.save(tmp_path / "a.exr")
-    source = oiio.ImageInput.open(str(tmp_path / "a.exr"))
+    source: Any = oiio.ImageInput.open(str(tmp_path / "a.exr"))
     assert source.spec().getattribute("chromaticities") == pytest.approx(color_spaces.AP1)
     stored = source.read_image(0, 0, 0, 3, oiio.FLOAT)[1, 1]
     source.close()

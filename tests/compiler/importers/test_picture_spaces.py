@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -24,7 +25,7 @@ def exr(folder: Path, color: tuple[float, ...], places: tuple[float, ...]) -> st
     path = folder / "a.exr"
     spec = oiio.ImageSpec(2, 2, len(color), "float")
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), places)
-    out = oiio.ImageOutput.create(str(path))
+    out: Any = oiio.ImageOutput.create(str(path))
     out.open(str(path), spec)
     out.write_image(np.full((2, 2, len(color)), color, np.float32))
     out.close()
@@ -62,7 +63,7 @@ def test_an_exr_has_the_colours_of_its_chromaticities(tmp_path: Path) -> None:
     assert images.read(path, "a.exr").texels[0, 0, :3] == pytest.approx(expected, abs=1e-6)
     for space, color in (("linear", True), ("raw", True), ("auto", False)):  # as they are
         how = "linear" if space == "auto" else space
-        assert images.read(path, "a.exr", how, color=color).texels[0, 0, :3].tolist() == np.float32([0.5, 0.4, 0.1]).tolist()
+        assert images.read(path, "a.exr", how, color=color).texels[0, 0, :3].tolist() == np.array([0.5, 0.4, 0.1], np.float32).tolist()
 
 
 def test_associated_alpha_and_rec709_keep_their_values(tmp_path: Path) -> None:
@@ -71,13 +72,13 @@ def test_associated_alpha_and_rec709_keep_their_values(tmp_path: Path) -> None:
     assert images.read(path, "a.exr").texels[0, 0] == pytest.approx([*expected, 0.5], abs=1e-6)
     rounded = tuple(round(v, 4) for v in color_spaces.REC709)
     plain = exr(tmp_path, (0.3, 0.2, 0.1), rounded)
-    assert images.read(plain, "a.exr").texels[0, 0, :3].tolist() == np.float32([0.3, 0.2, 0.1]).tolist()
+    assert images.read(plain, "a.exr").texels[0, 0, :3].tolist() == np.array([0.3, 0.2, 0.1], np.float32).tolist()
 
 
 @pytest.mark.parametrize("odd", [(0.0,) * 8, (0.3127, 0.329) * 4, (1e30,) * 8, (float("nan"),) * 8])
 def test_odd_chromaticities(tmp_path: Path, odd: tuple[float, ...]) -> None:
     read = images.read(exr(tmp_path, (0.3, 0.2, 0.1), odd), "a.exr")
-    assert read.texels[0, 0, :3].tolist() == np.float32([0.3, 0.2, 0.1]).tolist()
+    assert read.texels[0, 0, :3].tolist() == np.array([0.3, 0.2, 0.1], np.float32).tolist()
     assert read.faults == (
         ("the chromaticities of the picture `a.exr` are not of a colour space: its colours are drawn as Rec.709",
          "write them as x and y of red, green, blue and white"),

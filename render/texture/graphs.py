@@ -4,6 +4,9 @@ With a footprint, a graph is averaged over it as patterns are (procedural.py), a
 footprint of one of these points. `Lookups` is a part of the table Textures in scenes with graphs; other scenes compile none of this.
 """
 
+# pyright: reportArgumentType=false
+# (numbers of kernels are numpy's)
+
 from __future__ import annotations
 
 import ctypes

@@ -29,12 +29,16 @@ class Host(Protocol):
 
     def coordinates(self, name: str) -> tuple[Sequence[float], Sequence[float]]:
         """The two rows of the frame from the surface's u, v, 1 to the texture coordinates of a name; "" are the first ones."""
+        ...
 
     def primvar(self, name: str, kind: str, default: Sequence[float], place: Any) -> Sequence[float]:
         """The constant value of a primvar."""
+        ...
 
-    def tell(self, message: str, place: Any) -> None:
-        """Emit a warning."""
+    @property
+    def tell(self) -> Callable[[str, Any], None]:
+        """Emits a warning at a place."""
+        ...
 
 
 class NotDrawn(Exception):

@@ -90,14 +90,15 @@ def _in_hexagon(e: Evaluator, node: Node, place: Sequence[int], cell: Names) -> 
     middle = b.scale(b.add(cell[0], b.scale(cell[1], 0.5)), 1.0 / _FIT), b.scale(cell[1], 1.0 / (_HEIGHT * _FIT))
     random = _hash(e, *(b.offset(name, 0.12345) for name in cell))
     turns = [b.scale(name, math.pi / 180.0) for name in e.input(node, "rotationrange", 2, (0.0, 360.0))]
-    turn = b.mix(*turns, b.multiply(random[0], e.scalar(node, "rotation", 1.0)))
+    turn = b.mix(turns[0], turns[1], b.multiply(random[0], e.scalar(node, "rotation", 1.0)))
     sine, cosine = b.op(Op.SIN, turn), b.op(Op.COS, turn)
-    size = b.mix(b.constant(1.0), b.mix(*e.input(node, "scalerange", 2, (0.5, 2.0)), random[1]), e.scalar(node, "scale", 1.0))
+    sizes = e.input(node, "scalerange", 2, (0.5, 2.0))
+    size = b.mix(b.constant(1.0), b.mix(sizes[0], sizes[1], random[1]), e.scalar(node, "scale", 1.0))
     offset, limits = e.scalar(node, "offset", 1.0), e.input(node, "offsetrange", 2, (0.0, 1.0))
     x, y = (b.subtract(name, at) for name, at in zip(place, middle, strict=True))
     turned = b.subtract(b.multiply(x, cosine), b.multiply(y, sine)), b.add(b.multiply(x, sine), b.multiply(y, cosine))
     return [
-        b.total([b.divide(name, size), at, b.mix(*limits, b.multiply(number, offset))])
+        b.total([b.divide(name, size), at, b.mix(limits[0], limits[1], b.multiply(number, offset))])
         for name, at, number in zip(turned, middle, random, strict=True)
     ]
 

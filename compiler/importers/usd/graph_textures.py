@@ -100,7 +100,7 @@ def of_count(evaluator: Evaluator, names: Names, count: int) -> Sequence[int]:
 
 def _texture(host: FileHost, graph: Graph, builder: GraphBuilder, names: Sequence[int], span: Span) -> int:
     tape = host.builder.tape(builder.finish(*names))
-    gain, bias = (graph.gain,) * 3, (graph.bias,) * 3
+    gain, bias = (graph.gain, graph.gain, graph.gain), (graph.bias, graph.bias, graph.bias)
     return host.builder.texture(TextureData(ir.TextureKind.FORMULA, tape=tape, gain=gain, bias=bias), span)
 
 

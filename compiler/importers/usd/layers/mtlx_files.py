@@ -145,10 +145,10 @@ class _Document:
     def output(self, node: Any, output: str, scope: Any, scope_path: Any) -> Any:
         """The path of an output of a node, which is copied to a shader, or to a node graph where the document defines it by one."""
         path = scope_path.AppendChild(Tf.MakeValidIdentifier(node.getName()))
-        definition = node.getNodeDef()
-        is_own = definition is not None and definition.getName() in self.definitions
-        graph = next((g for g in self.document.getNodeGraphs() if g.getNodeDefString() == definition.getName()), None) if is_own else None
-        if graph is not None:
+        definition: Any = node.getNodeDef()
+        name = definition.getName() if definition is not None else ""
+        graph = next((g for g in self.document.getNodeGraphs() if g.getNodeDefString() == name), None) if name in self.definitions else None
+        if definition is not None and graph is not None:
             inputs = {port.getName(): port for port in definition.getActiveInputs()} | {port.getName(): port for port in node.getInputs()}
             return self._graph(graph, scope_path, output, list(inputs.values()), scope, path)
         name = Tf.MakeValidIdentifier(output)

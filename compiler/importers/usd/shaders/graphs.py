@@ -13,7 +13,7 @@ from pxr import UsdShade
 
 from ....texture_graph.graph_builder import TooLarge
 from ...materialx import elementary, library, patterns, physical, pictures
-from ...materialx.evaluator import Evaluator, Names, NotDrawn
+from ...materialx.evaluator import Evaluator, NotDrawn
 from ...materialx.graph import Node, Port
 from .network import Graph
 
@@ -79,7 +79,7 @@ class Graphs:
             return numbers[0] if len(numbers) == 1 else tuple(numbers)
         return Graph(node, output, evaluator.kind(node, output), tuple(trial.varnames))
 
-    def _varnames(self, node: Node) -> Names | tuple[str, ...]:
+    def _varnames(self, node: Node) -> tuple[str, ...]:
         """The primvars that a node for normals reads."""
         trial = Trial(self.tell)
         evaluator = Evaluator(trial)

@@ -94,9 +94,9 @@ def through(node: Any, kind: str, output: str, source: Source, fallback: Any) ->
         return NotImplemented
     passed = source(node.GetInput("in"), fallback)
     if kind.startswith("ND_normalmap"):
-        scale = source(node.GetInput("scale"), 1.0)
+        scale: Any = source(node.GetInput("scale"), 1.0)
         fixed = isinstance(passed, Picture) and not isinstance(scale, SOURCES)
-        return passed.as_normals(float(np.mean(scale))) if fixed else NotImplemented
+        return passed.as_normals(float(np.mean(np.array(scale, np.float64)))) if fixed else NotImplemented
     if kind.startswith(("ND_separate", "ND_extract_")):
         part = "rgba"[int(source(node.GetInput("index"), 0)) % 4] if kind.startswith("ND_extract_") else _PARTS.get(output, "r")
         return passed.part(part) if isinstance(passed, Picture) else NotImplemented

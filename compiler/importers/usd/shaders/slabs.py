@@ -261,7 +261,8 @@ def _disney(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], An
 class Reader(Protocol):
     """Inputs of rows from sources."""
 
-    builder: SceneBuilder
+    @property
+    def builder(self) -> SceneBuilder: ...
 
     def color(self, source: Any, fallback: Color) -> Input: ...
 
@@ -331,7 +332,7 @@ class Rows:
             slot: self._share(self.reader.number(inputs[name], default), most)
             for name, (slot, default, most, _) in openpbr.NUMBERS.items()
         }
-        slots |= {slot: self.reader.color(inputs[name], (grey,) * 3) for name, (slot, grey, _) in openpbr.COLORS.items()}
+        slots |= {slot: self.reader.color(inputs[name], (grey, grey, grey)) for name, (slot, grey, _) in openpbr.COLORS.items()}
         if "emission" in inputs:
             slots[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
         if inputs[_THIN]:

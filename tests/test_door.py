@@ -210,7 +210,7 @@ def test_names_that_are_neither_params_nor_settings(path: Path) -> None:
         scene.render(sample=4)
     assert str(misspelt.value) == (
         "render has no setting `sample`; did you mean `samples`?: it has size, backend, samples, error, budget, bounces, seed, filter, "
-        "background, crop, aov, exposure, view, white, bloom, camera, threads, denoise, tolerance"
+        "background, crop, aov, exposure, view, white, bloom, working_space, ocio, display, look, camera, threads, denoise, tolerance"
     )
     with pytest.raises(TypeError) as refused:
         maquette.render(scene, radius=0.4)

@@ -30,7 +30,7 @@ from ..state.path_state import PathSample, PathState
 from .photon_map import MATT
 
 CODE = 512.0  # last column of a stored beam: CODE + the number of its medium
-NEIGHBOURS = 2.5  # beams that pass a ray in a cell of the density, of 256 in a map and FIRST photons in all
+NEIGHBOURS = 10.0  # beams that pass a ray in a cell of the density, of 256 in a map and FIRST photons in all
 SHRINKING = -1.0 / 5.0  # exponent of their number: noise falls as 1 / (N r), bias as r²
 CELL = 16.0  # pieces in a cell by which their density is measured
 PIECES = 12.0  # of a long beam

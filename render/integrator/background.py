@@ -41,8 +41,8 @@ def reflected_background(tables: Tables, options: Options, direction: Vec, bits:
     `bits` are the light links of the surfaces that the rays leave; None in scenes without links.
     """
     zero = 0.0 * direction[0]
-    sky, there = lights.background(tables, direction)
-    if there or options.background != 2:
+    sky, has_sky = lights.background(tables, direction)
+    if has_sky or options.background != 2:
         return links.background(options.links, sky, tables, direction, lights.ALL, bits)
     return (zero + options.color.x, zero + options.color.y, zero + options.color.z)
 

@@ -40,11 +40,13 @@ def local_light(scene: Scene, shading: ShadingContext, hit: Hit, active: Lane, s
     total = ops.where3(shines, shading.shader.emission, (zero, zero, zero))
     at_vertices = gouraud.is_vertex_lit(tables, scene.vertex_light, point)
     if ops.any_lane(active & at_vertices):
-        there = active & at_vertices
-        total = ops.where3(there, ops.add(total, gouraud.interpolate_vertex_light(tables, scene.vertex_light, point, hit, there)), total)
-    here = active & ops.not_(at_vertices)
-    if ops.any_lane(here):
-        total = ops.where3(here, ops.add(total, direct_light(scene, shading, here, sampler)), total)
+        interpolated = active & at_vertices
+        total = ops.where3(
+            interpolated, ops.add(total, gouraud.interpolate_vertex_light(tables, scene.vertex_light, point, hit, interpolated)), total
+        )
+    lit = active & ops.not_(at_vertices)
+    if ops.any_lane(lit):
+        total = ops.where3(lit, ops.add(total, direct_light(scene, shading, lit, sampler)), total)
     return total
 
 
@@ -60,11 +62,11 @@ def direct_light(scene: Scene, shading: ShadingContext, active: Lane, sampler: S
         kind = tables.lights.kind[light]
         if light_kinds.is_ambient(kind):
             continue
-        here = links.receives(linked, active, light, bits)
+        receiving = links.receives(linked, active, light, bits)
         if light_kinds.is_sky(kind):
-            total = _add_sky(total, scene, shading, light, here, sampler)
+            total = _add_sky(total, scene, shading, light, receiving, sampler)
         else:
-            total = _add_light(total, scene, shading, light, here, sampler)
+            total = _add_light(total, scene, shading, light, receiving, sampler)
     if bsdf.has_facets(shader):
         total = _add_along_lobes(total, scene, shading, active, sampler)
     return total
@@ -100,18 +102,18 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
     horizon = ops.like3(point.offset, options.horizon.x, options.horizon.y, options.horizon.z)
     bounded = ((point.instance != options.ground) & (options.ground >= 0)) & tables.lights.shadows[light]
     direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
-    matt = bsdf.matt_share(shader, point.normal, direction, viewer)
-    given = ops.scale(ops.mul(matt, _sky_radiance(scene, point, light, direction)), share)
+    diffuse = bsdf.matt_share(shader, point.normal, direction, viewer)
+    radiance = ops.scale(ops.mul(diffuse, _sky_radiance(scene, point, light, direction)), share)
     visible = _faces(scene, point, shader, direction, active)
-    sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
+    sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, radiance)
     total = ops.add(total, _unoccluded(scene, point, sample, visible))
-    shiny = background.samples_sky(options.environment, active & bsdf.is_shiny(shader), shader)
-    if ops.any_lane(shiny):
+    glossy = background.samples_sky(options.environment, active & bsdf.is_shiny(shader), shader)
+    if ops.any_lane(glossy):
         u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, options.seed)
         direction, share = bsdf.sample_lobe(shader, point.normal, viewer, u, v, lobe_number(scene, shader, sampler))
-        given = ops.mul(share, _sky_radiance(scene, point, light, direction))
-        visible = _faces(scene, point, shader, direction, shiny)
-        sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
+        radiance = ops.mul(share, _sky_radiance(scene, point, light, direction))
+        visible = _faces(scene, point, shader, direction, glossy)
+        sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, radiance)
         total = ops.add(total, _unoccluded(scene, point, sample, visible))
     return _add_sky_of_lobe(shader.added, total, scene, shading, light, active, sampler)
 
@@ -120,14 +122,14 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
 def _add_sky_by_lobe(added: Any, total: Vec, scene: Scene, shading: ShadingContext, light: int, active: Lane, sampler: SampleIndex) -> Vec:
     """Add a sky's light of the lobe that a material adds to the classic ones, from one direction of it."""
     point, viewer = shading.point, shading.viewer
-    here = active & added_lobes.or_has(added, ops.bool_like(point.offset, False))
-    if ops.any_lane(here):
+    lanes = active & added_lobes.or_has(added, ops.bool_like(point.offset, False))
+    if ops.any_lane(lanes):
         u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, scene.options.seed)
-        plain = (point.normal, (0.0 * u, 0.0 * u, 0.0 * u))
-        direction, share = added_lobes.sample_lobe(added, plain, point.normal, viewer, u, v)
-        given = ops.mul(share, _sky_radiance(scene, point, light, direction))
-        visible = _faces(scene, point, shading.shader, direction, here)
-        sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, given)
+        default = (point.normal, (0.0 * u, 0.0 * u, 0.0 * u))
+        direction, share = added_lobes.sample_lobe(added, default, point.normal, viewer, u, v)
+        radiance = ops.mul(share, _sky_radiance(scene, point, light, direction))
+        visible = _faces(scene, point, shading.shader, direction, lanes)
+        sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, radiance)
         total = ops.add(total, _unoccluded(scene, point, sample, visible))
     return total
 
@@ -143,12 +145,12 @@ def _add_light(total: Vec, scene: Scene, shading: ShadingContext, light: int, ac
     origin = _light_origin(scene, point, shader, light)
     arriving = light_samples.sample(tables, light, origin, u, v)
     share = glossy_lights.reflected(options.glossy_lights, shader, tables, light, point.normal, arriving, shading.viewer, active)
-    given = ops.scale(ops.mul(share, arriving.irradiance), 1.0 / np.pi)
+    radiance = ops.scale(ops.mul(share, arriving.irradiance), 1.0 / np.pi)
     medium = medium_stack.cross_boundary(shading.inside, None, tables, point, arriving.direction)
-    given = medium_stack.attenuate(medium, given, tables, arriving.distance)
-    given = airlight.transmit(options.airlight, given, origin, arriving.direction, arriving.distance)
+    radiance = medium_stack.attenuate(medium, radiance, tables, arriving.distance)
+    radiance = airlight.transmit(options.airlight, radiance, origin, arriving.direction, arriving.distance)
     visible = _faces(scene, point, shader, arriving.direction, active)
-    sample = LightSample(light, origin, arriving.direction, arriving.distance, given)
+    sample = LightSample(light, origin, arriving.direction, arriving.distance, radiance)
     return ops.add(total, _unoccluded(scene, point, sample, visible))
 
 
@@ -177,14 +179,15 @@ def _add_hit_lights(
     bits = links.bits_of(scene.options.links, None, tables, point)
     for k in range(len(sources.rows)):
         light = sources.rows[k]
-        here = links.receives(scene.options.links, visible, light, bits)
+        receiving = links.receives(scene.options.links, visible, light, bits)
         origin = _light_origin(scene, point, shader, light)
         distance, solid, bright = light_samples.intersect(tables, light, origin, direction)
         color = (tables.lights.color[light, 0], tables.lights.color[light, 1], tables.lights.color[light, 2])
-        given = ops.mul(ops.scale(share, bright * glossy_lights.weight(density, solid)), color)
-        given = medium_stack.attenuate(medium_stack.cross_boundary(shading.inside, None, tables, point, direction), given, tables, distance)
-        given = airlight.transmit(scene.options.airlight, given, origin, direction, distance)
-        total = ops.add(total, _unoccluded(scene, point, LightSample(light, origin, direction, distance, given), here))
+        radiance = ops.mul(ops.scale(share, bright * glossy_lights.weight(density, solid)), color)
+        inside = medium_stack.cross_boundary(shading.inside, None, tables, point, direction)
+        radiance = medium_stack.attenuate(inside, radiance, tables, distance)
+        radiance = airlight.transmit(scene.options.airlight, radiance, origin, direction, distance)
+        total = ops.add(total, _unoccluded(scene, point, LightSample(light, origin, direction, distance, radiance), receiving))
     return total
 
 
@@ -206,8 +209,8 @@ def lobe_number(scene: Scene, shader: Shader, sampler: SampleIndex) -> Lane:
 def _light_origin(scene: Scene, point: Surface, shader: Shader, light: int) -> Vec:
     """Origin of rays to a light: the surface itself for lights without shadows and for rough glass, else `interaction.shadow_origin`."""
     blocked = scene.options.shadows and scene.tables.lights.shadows[light]
-    here = bsdf.scatters_through(shader, ops.bool_like(point.offset, not blocked))
-    return ops.where3(here, point.position, interaction.shadow_origin(point))
+    at_surface = bsdf.scatters_through(shader, ops.bool_like(point.offset, not blocked))
+    return ops.where3(at_surface, point.position, interaction.shadow_origin(point))
 
 
 @helper
@@ -241,13 +244,13 @@ def _shadow_by_rays(scene: Scene, point: Surface, sample: LightSample, active: L
 
 
 @helper
-def _attenuate_by_all(scene: Scene, point: Surface, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
-    return shadow_rays.attenuate_light(point, scene.accel, scene.tables, light, ray, active, given)
+def _attenuate_by_all(scene: Scene, point: Surface, light: int, ray: Ray, active: Lane, radiance: Vec) -> Vec:
+    return shadow_rays.attenuate_light(point, scene.accel, scene.tables, light, ray, active, radiance)
 
 
 @helper
-def _attenuate_by_blockers(linked: Any, scene: Scene, point: Surface, light: int, ray: Ray, active: Lane, given: Vec) -> Vec:
-    return intersect.attenuate(scene.accel, scene.tables, ray, active, given, linked.blockers[light])
+def _attenuate_by_blockers(linked: Any, scene: Scene, point: Surface, light: int, ray: Ray, active: Lane, radiance: Vec) -> Vec:
+    return intersect.attenuate(scene.accel, scene.tables, ray, active, radiance, linked.blockers[light])
 
 
 _attenuated = specialize_either(_attenuate_by_blockers, _attenuate_by_all)

@@ -45,15 +45,15 @@ def _reflected(shader: Shader, tables: Tables, light: int, normal: Vec, arriving
 
 @helper
 def _weighted_reflected(
-    found: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
+    sources: Any, shader: Shader, tables: Tables, light: int, normal: Vec, arriving: Arriving, viewer: Vec, active: Lane
 ) -> Vec:  # fmt: skip
     """`bsdf.reflected` of a light sample, with the MIS weight against lobe samples."""
     glossy = active & bsdf.is_glossy(shader)
     if lights.is_soft(tables, light) and not light_samples.is_shaped(tables, light) and ops.any_lane(glossy):
-        matt, shine, density = bsdf.eval_lobes_pdf(shader, normal, arriving.direction, viewer)
+        diffuse, shine, density = bsdf.eval_lobes_pdf(shader, normal, arriving.direction, viewer)
         ratio = density * arriving.angle
         weight = ops.where(glossy, 1.0 / (1.0 + ratio * ratio), 1.0)
-        return ops.add(matt, ops.scale(shine, weight))
+        return ops.add(diffuse, ops.scale(shine, weight))
     return bsdf.reflected(shader, normal, arriving.direction, viewer)
 
 

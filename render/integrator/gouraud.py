@@ -17,16 +17,16 @@ def is_vertex_lit(tables: Tables, vertex_light: VertexLight, point: Surface) -> 
 
 
 @helper
-def interpolate_vertex_light(tables: Tables, vertex_light: VertexLight, point: Surface, hit: Hit, here: Lane) -> Vec:
+def interpolate_vertex_light(tables: Tables, vertex_light: VertexLight, point: Surface, hit: Hit, lanes: Lane) -> Vec:
     """Interpolate the light of the hit triangle's vertices in the lanes of a mask."""
     g = tables.instances.geometry[point.instance]
-    triangle = ops.where(here, hit.primitive, 0)
+    triangle = ops.where(lanes, hit.primitive, 0)
     triangles, color = tables.pools.triangles, vertex_light.color
     base = vertex_light.first[point.instance] - tables.geometries.first_vertex[g] + ops.where(point.front, 0, len(color) // 2)
-    base = ops.where(here, base, 0)
-    a = base + ops.where(here, triangles[triangle, 0], 0)
-    b = base + ops.where(here, triangles[triangle, 1], 0)
-    c = base + ops.where(here, triangles[triangle, 2], 0)
+    base = ops.where(lanes, base, 0)
+    a = base + ops.where(lanes, triangles[triangle, 0], 0)
+    b = base + ops.where(lanes, triangles[triangle, 1], 0)
+    c = base + ops.where(lanes, triangles[triangle, 2], 0)
     w = 1.0 - hit.u - hit.v
     return (
         w * color[a, 0] + hit.u * color[b, 0] + hit.v * color[c, 0],

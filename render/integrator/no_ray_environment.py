@@ -68,5 +68,5 @@ def _mean_light(tables: ir.Tables, options: Options, ground: int, up: NDArray[np
         scene = Scene(tables, intersect.Brute(), None, unshadowed)
         shading = ShadingContext(point, shader, viewer, None)
         light: Any = direct_light.direct_light(scene, shading, everywhere, SampleIndex(np.arange(PLACES), lane, lane + 1))
-    found = [np.broadcast_to(c, PLACES) for c in ops.add(light, shader.emission)]
-    return [float(np.mean(c, where=np.isfinite(c))) for c in found]
+    channels = [np.broadcast_to(c, PLACES) for c in ops.add(light, shader.emission)]
+    return [float(np.mean(c, where=np.isfinite(c))) for c in channels]

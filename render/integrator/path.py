@@ -55,12 +55,12 @@ _part = blend.if_blended(_sample_part)
 
 @helper
 def shade_vertex(
-    tables: Tables, inputs: PathInputs, options: Options, path: PathState, hit: Hit, point: Surface, here: Lane,
+    tables: Tables, inputs: PathInputs, options: Options, path: PathState, hit: Hit, point: Surface, lanes: Lane,
     index: PathSample, direct: PathSample, event: Any,
 ) -> tuple[Vec, Connection, PathState, Lane, Vertex]:  # fmt: skip
     """(light sent along the path, shadow ray, continuation of the path, whether it continues, its vertex) at the hits of a mask.
 
-    `event` is a flights.Event of vertices that are no surfaces; the mask `here` has those in media, not those at invisible boundaries.
+    `event` is a flights.Event of vertices that are no surfaces; the mask `lanes` has those in media, not those at invisible boundaries.
 
     `index` gives the path its numbers, `direct` its light samples and photons. Their `depth` counts surfaces from 0. At options.bounces
     light is sampled for the last time, and later rays add only emission.
@@ -70,7 +70,7 @@ def shade_vertex(
     faded = medium_stack.attenuate(path.inside, path.weight, tables, hit.t)
     point = normal_map.apply_maps(tables, _part(tables, point, index), hit, path.direction)
     point = tangent_frame.attach(tables, point, hit)
-    surfaces = flights.surfaces(event, here)
+    surfaces = flights.surfaces(event, lanes)
     component = dispersion.of_sample(dispersion.of(tables), None, index.pixel, index.sample, index.seed)
     shader = evaluate_shader_filtered(tables, point, uses, path.inside, component)
     weight, divided = dispersion.divide_before(component, (faded, path.divided), tables, point, shader, surfaces)
@@ -94,23 +94,23 @@ def shade_vertex(
     lit, interpolated = vertex_light(inputs.vertices, tables, point, hit, surfaces)
     sent = _add_local(tables, inputs, options.links, sent, shading, path, surfaces, lit, interpolated)
     base = flights.surfaces(event, splits_lobe(inputs.photons, path.phase, shader))
-    gathered = _gather(inputs, shading, path, here, surfaces, base, direct, ahead)
+    gathered = _gather(inputs, shading, path, lanes, surfaces, base, direct, ahead)
     ending = depth == options.bounces
     last = ops.bool_like(zero, False)
     if ending:  # BSDF samples after the last bounce find only skies, and emitters of glossy surfaces
         last = ops.bool_like(zero, ops.not_(uses.sky) & ops.not_(uses.glossy))
     if len(inputs.emitters.kind) > 0:
-        connection = sample_direct(tables, inputs, options.links, shading, path, here, last, lit, ending, direct)
+        connection = sample_direct(tables, inputs, options.links, shading, path, lanes, last, lit, ending, direct)
     scattered = _scatter(shading, uses, path, index)
     weight, divided = ops.mul(path.weight, scattered.weight), path.divided
     weight, divided = dispersion.divide_after(component, (weight, divided), tables, point, scattered.direction, surfaces)
     if uses.open_sky:
-        soft = here & ops.not_(lit) & (scattered.density < ONLY)
+        soft = lanes & ops.not_(lit) & (scattered.density < ONLY)
         seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
         above = ops.mul(weight, links.background(options.links, seen, tables, scattered.direction, lights.OPEN, bits))
         sent = ops.where3(soft, ops.add(sent, above), sent)
     weight, lobe = split_lobe(inputs.photons, (weight, nothing), base, shading, scattered, lobe_number(index))
-    going = here & ops.not_(last) & (ops.largest(weight) > 0.0)
+    going = lanes & ops.not_(last) & (ops.largest(weight) > 0.0)
     if ending:
         going = going & (scattered.density < ONLY)
     if depth >= END_FROM:
@@ -122,12 +122,12 @@ def shade_vertex(
 
 @helper
 def _gather(
-    inputs: PathInputs, shading: ShadingContext, path: PathState, here: Lane, surfaces: Lane, base: Lane, direct: PathSample, ahead: Any
+    inputs: PathInputs, shading: ShadingContext, path: PathState, lanes: Lane, surfaces: Lane, base: Lane, direct: PathSample, ahead: Any
 ) -> Any:  # fmt: skip
     """The light of photons near the vertices of a mask, some of which are surfaces."""
     gathers, number = surfaces & (path.phase < photon_map.MATT), photon_number(direct)
     gathered = photon_map.estimate(inputs.photons, shading, inputs.uses, path.weight, gathers, base, direct.sample, number)
-    return photon_volume.at_collisions(photon_volume.of(inputs.photons), gathered, shading, path, here, direct, ahead)
+    return photon_volume.at_collisions(photon_volume.of(inputs.photons), gathered, shading, path, lanes, direct, ahead)
 
 
 @helper
@@ -151,15 +151,16 @@ def _survive(event: Any, weight: Vec, going: Lane, index: PathSample) -> tuple[V
 
 @helper
 def _add_local(
-    tables: Tables, inputs: PathInputs, linked: Any, sent: Vec, shading: ShadingContext, path: PathState, here: Lane, lit: Lane, known: Vec
+    tables: Tables, inputs: PathInputs, linked: Any, sent: Vec, shading: ShadingContext, path: PathState, lanes: Lane, lit: Lane,
+    vertex_radiance: Vec
 ) -> Vec:  # fmt: skip
     """Add vertex light and ambient light."""
-    sent = ops.where3(lit, ops.add(sent, ops.mul(path.weight, known)), sent)
+    sent = ops.where3(lit, ops.add(sent, ops.mul(path.weight, vertex_radiance)), sent)
     if inputs.uses.ambient:
         bits = links.bits_of(linked, None, tables, shading.point)
-        given = links.ambient(linked, lights.ambient(tables), tables, path.density, bits)
-        always = ops.mul(ops.mul(path.weight, shading.shader.ambient), given)
-        sent = ops.where3(here & ops.not_(lit), ops.add(sent, always), sent)
+        ambient = links.ambient(linked, lights.ambient(tables), tables, path.density, bits)
+        always = ops.mul(ops.mul(path.weight, shading.shader.ambient), ambient)
+        sent = ops.where3(lanes & ops.not_(lit), ops.add(sent, always), sent)
     return sent
 
 
@@ -190,29 +191,29 @@ def _continue(
     )  # fmt: skip
 
 
-def vertex_light(vertices: Any, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:
+def vertex_light(vertices: Any, tables: Tables, point: Surface, hit: Hit, lanes: Lane) -> tuple[Lane, Vec]:
     """(where light is computed at vertices, that light)."""
     if isinstance(vertices, NoVertices):
-        return np.zeros_like(here), (0.0 * point.offset, 0.0 * point.offset, 0.0 * point.offset)
-    return _vertex_light(vertices, tables, point, hit, here)
+        return np.zeros_like(lanes), (0.0 * point.offset, 0.0 * point.offset, 0.0 * point.offset)
+    return _vertex_light(vertices, tables, point, hit, lanes)
 
 
 @helper
-def _vertex_light(vertices: VertexLight, tables: Tables, point: Surface, hit: Hit, here: Lane) -> tuple[Lane, Vec]:
+def _vertex_light(vertices: VertexLight, tables: Tables, point: Surface, hit: Hit, lanes: Lane) -> tuple[Lane, Vec]:
     zero = ops.full_like(point.offset, 0.0)
-    lit = here & gouraud.is_vertex_lit(tables, vertices, point)
-    known = (zero, zero, zero)
+    lit = lanes & gouraud.is_vertex_lit(tables, vertices, point)
+    interpolated = (zero, zero, zero)
     if ops.any_lane(lit):
-        known = ops.where3(lit, gouraud.interpolate_vertex_light(tables, vertices, point, hit, lit), known)
-    return lit, known
+        interpolated = ops.where3(lit, gouraud.interpolate_vertex_light(tables, vertices, point, hit, lit), interpolated)
+    return lit, interpolated
 
 
 @overload(vertex_light)
-def _vertex_light_in_kernels(vertices, tables, point, hit, here):
+def _vertex_light_in_kernels(vertices, tables, point, hit, lanes):
     if vertices.layout:
-        return lambda vertices, tables, point, hit, here: _vertex_light(vertices, tables, point, hit, here)
+        return lambda vertices, tables, point, hit, lanes: _vertex_light(vertices, tables, point, hit, lanes)
 
-    def nowhere(vertices, tables, point, hit, here):
+    def nowhere(vertices, tables, point, hit, lanes):
         zero = ops.full_like(point.offset, 0.0)
         return ops.bool_like(zero, False), (zero, zero, zero)
 

@@ -43,8 +43,8 @@ def environment_radiance(
 
 
 @helper
-def _attenuate(near: Lane, plain: tuple[Vec, Lane], path: PathState) -> tuple[Vec, Lane]:
-    return ops.mul(path.weight, plain[0]), plain[1] * ops.mean3(path.weight)
+def _attenuate(near: Lane, default: tuple[Vec, Lane], path: PathState) -> tuple[Vec, Lane]:
+    return ops.mul(path.weight, default[0]), default[1] * ops.mean3(path.weight)
 
 
 _behind_media = specialize_if_present(_attenuate)
@@ -83,7 +83,7 @@ def _weigh_sky(tables: Tables, inputs: PathInputs, linked: Any, path: PathState,
 
 @helper
 def emitted_radiance(
-    tables: Tables, inputs: PathInputs, linked: Any, path: PathState, point: Surface, shader: Shader, hit: Hit, here: Lane,
+    tables: Tables, inputs: PathInputs, linked: Any, path: PathState, point: Surface, shader: Shader, hit: Hit, lanes: Lane,
     lights_only: bool,
 ) -> Vec:  # fmt: skip
     """Return the emission of surfaces along paths, weighed against light sampling.
@@ -91,7 +91,7 @@ def emitted_radiance(
     A light's emission counts as direct. An emissive shape is one more surface, which the last bounce does not reach (`lights_only`).
     """
     zero = 0.0 * path.density
-    lit = here & (ops.largest(shader.emission) > 0.0)
+    lit = lanes & (ops.largest(shader.emission) > 0.0)
     if ops.not_(ops.any_lane(lit)):
         return (zero, zero, zero)
     instance = ops.where(lit, hit.instance, 0)
@@ -124,29 +124,29 @@ def _emission_weight(table: Emitters, row: Lane, path: PathState, point: Surface
     share = ops.where(path.density <= LIT * 8.0, 0.0, mis_weight(path.density, density, weighing, SURFACES_ALONE))
     share = ops.where(path.density >= ONLY, 1.0, share)
     behind = ops.not_(table.both[row] | point.front)
-    lamp = table.light[row] >= 0
-    share = ops.where(behind & ops.not_(lamp), 1.0, share)  # light samples do not find the inside of closed shapes
-    return ops.where(table.weighed[row], share, only), behind & lamp
+    is_light = table.light[row] >= 0
+    share = ops.where(behind & ops.not_(is_light), 1.0, share)  # light samples do not find the inside of closed shapes
+    return ops.where(table.weighed[row], share, only), behind & is_light
 
 
 _emission_weight_of_each = noinline_helper(_emission_weight)
 
 
 @helper
-def power_heuristic(one: Lane, other: Lane) -> Lane:
-    """Return the power heuristic's weight of the strategy of density `one`."""
-    ratio = other / one
+def power_heuristic(density: Lane, other_density: Lane) -> Lane:
+    """Return the power heuristic's weight of the strategy of density `density`."""
+    ratio = other_density / density
     return 1.0 / (1.0 + ratio * ratio)
 
 
 @helper
-def mis_weight(one: Lane, other: Lane, weighing: int, alone: int) -> Lane:
-    """Return the MIS weight of the strategy of density `one`, whose index is `alone` if it is used alone."""
+def mis_weight(density: Lane, other_density: Lane, weighing: int, alone: int) -> Lane:
+    """Return the MIS weight of the strategy of density `density`, whose index is `alone` if it is used alone."""
     if weighing == 0:
-        return power_heuristic(one, other)
+        return power_heuristic(density, other_density)
     if weighing == BALANCE:
-        return 1.0 / (1.0 + other / one)
-    return ops.full_like(one, 1.0 if weighing == alone else 0.0)
+        return 1.0 / (1.0 + other_density / density)
+    return ops.full_like(density, 1.0 if weighing == alone else 0.0)
 
 
 @helper

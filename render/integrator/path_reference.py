@@ -36,8 +36,8 @@ def radiance(
     active = np.ones(shape, bool)
     origin: Any = tuple(np.broadcast_to(c, shape) for c in ray.origin)
     direction: Any = tuple(np.broadcast_to(c, shape) for c in ray.direction)
-    one: Any = zero + 1.0
-    path: Any = PathState(origin, direction, (one, one, one), zero + ONLY, active, medium_stack.initial_stack(tables, zero), zero)
+    ones: Any = zero + 1.0
+    path: Any = PathState(origin, direction, (ones, ones, ones), zero + ONLY, active, medium_stack.initial_stack(tables, zero), zero)
     path = path._replace(facing=light_tree.facing(inputs.emitters.tree.below, path.direction, active))
     path = path._replace(divided=dispersion.undivided(dispersion.of(tables), None, zero))
     path = path._replace(links=links.bits_of_eye(options.links, None, zero))
@@ -94,14 +94,14 @@ def _through_media(
     """
     cells = inputs.emitters.media
     collects = wave_media.collecting(cells, np.zeros(np.shape(connection.distance), bool), np.abs(connection.distance))
-    wanted = emitting_cells.collected(np.abs(connection.distance)) if np.any(collects) else 0
-    met, total = media.walled[0] | emitting_cells.exist(cells, False), np.zeros((3, *np.shape(connection.distance)))
+    collected_number = emitting_cells.collected(np.abs(connection.distance)) if np.any(collects) else 0
+    intersects, total = media.walled[0] | emitting_cells.exist(cells, False), np.zeros((3, *np.shape(connection.distance)))
     distance = np.abs(connection.distance)
     going, inside = connection.wanted, connection.inside
     near, passed, segment = np.zeros(np.shape(distance)), np.ones((3, *np.shape(distance))), 0
     while going.any():
         ray = Ray(shadow.origin, shadow.direction, near, np.where(going, distance, 0.0), shadow.time)
-        hit = intersect.closest_hit(accel, tables, ray, going & met, OTHER_RAY)
+        hit = intersect.closest_hit(accel, tables, ray, going & intersects, OTHER_RAY)
         hits = going & (hit.instance >= 0) & (hit.t < distance)
         far = np.maximum(np.where(hits, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
@@ -112,7 +112,7 @@ def _through_media(
         if np.any(collects):
             way = ray.origin, ray.direction, near, far
             of_medium, emitted = wave_media.pass_and_collect(media, tables, np.where(collects, number, 0), way, key)
-            total += np.where(collects & going & (number == wanted), passed * np.array(emitted), 0.0)
+            total += np.where(collects & going & (number == collected_number), passed * np.array(emitted), 0.0)
             share = ops.where3(collects, of_medium, share)
         passed = np.where(number > 0, passed * np.array(share), passed)
         point = interaction.make_interaction(tables, ray, hit)
@@ -143,9 +143,9 @@ def _pass_transparent(accel: Any, tables: ir.Tables, ray: Ray, hit: Hit, active:
     partial = traits.partial(tables)[tables.instances.material]
     passed, layer = active, 0
     while True:
-        asked = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]
-        there = surface_alpha.opacity_at(tables, interaction.make_interaction(tables, ray, hit))
-        passed = asked & (alpha_number(index, layer) >= there)
+        tested = passed & (hit.instance >= 0) & partial[np.maximum(hit.instance, 0)]
+        opacity = surface_alpha.opacity_at(tables, interaction.make_interaction(tables, ray, hit))
+        passed = tested & (alpha_number(index, layer) >= opacity)
         if not passed.any():
             return hit
         again = intersect.closest_hit(accel, tables, ray._replace(t_min=intersect.next_t_min(tables, ray, hit)), passed, visible)

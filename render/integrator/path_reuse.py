@@ -54,19 +54,19 @@ class Shared(NamedTuple):
 
 
 @helper
-def _clear(shared: Any, plain: Any, n: int) -> Any:
+def _clear(shared: Any, default: Any, n: int) -> Any:
     like = simd.load(shared.rows, 0)
     zero = (0.0 * like, 0.0 * like, 0.0 * like)
     for i in range(0, n, crosslane.width(like)):
         store3(shared.rows, 0, NORMAL, i, zero)
         store3(shared.rows, 0, FACING, i, zero)
         store3(shared.rows, 0, DIRECT, i, zero)
-    return plain
+    return default
 
 
 @helper
 def _share_vertex(
-    shared: Any, onward: PathState, tables: Tables, uses: Uses, vertex: Vertex, connection: Connection, i: int, slot: Lane, here: Lane,
+    shared: Any, onward: PathState, tables: Tables, uses: Uses, vertex: Vertex, connection: Connection, i: int, slot: Lane, lanes: Lane,
     depth: int,
 ) -> PathState:  # fmt: skip
     if depth > 1:
@@ -77,41 +77,42 @@ def _share_vertex(
     sampled = ops.where(scattered.density < ONLY, cosine / (math.pi * ops.maximum(scattered.density, lights.TINY)), 0.0)
     if depth == 0:  # slots are those of the lanes
         zero = 0.0 * onward.density
-        none, one = (zero, zero, zero), (zero + 1.0, zero + 1.0, zero + 1.0)
+        none, ones = (zero, zero, zero), (zero + 1.0, zero + 1.0, zero + 1.0)
         store3(shared.rows, 0, FIRST, i, interaction.offset_origin_at(point, interaction.shadow_origin(point), point.geometric))
-        store3(shared.rows, 0, NORMAL, i, ops.where3(here & (ops.largest(albedo) > 0.0), point.normal, none))
+        store3(shared.rows, 0, NORMAL, i, ops.where3(lanes & (ops.largest(albedo) > 0.0), point.normal, none))
         store3(shared.rows, 0, GEOMETRIC, i, point.geometric)
         store3(shared.rows, 0, ALBEDO, i, albedo)
         store3(shared.rows, 0, WEIGHT, i, onward.weight)
         simd.store(shared.rows, CHANCE * ROW + i, chance)
         simd.store(shared.rows, RATIO * ROW + i, sampled)
         return PathState(
-            onward.origin, onward.direction, one, onward.density, onward.straight, onward.inside, onward.phase, onward.facing, onward.links,
+            onward.origin, onward.direction, ones, onward.density, onward.straight, onward.inside, onward.phase, onward.facing,
+            onward.links,
             onward.near, onward.body, onward.leaving, onward.divided,
         )  # fmt: skip
-    here = here & ops.not_(normal_map.has_map(tables, point))
+    lanes = lanes & ops.not_(normal_map.has_map(tables, point))
     lit = ops.maximum(ops.dot(point.normal, connection.direction), 0.0)
-    _scatter3(shared, SECOND, slot, ops.along(point.position, point.geometric, point.offset), here)
-    _scatter3(shared, FACING, slot, point.geometric, here)
-    _scatter3(shared, NEAR, slot, _ratio(ops.scale(albedo, lit), connection.share), here)
-    _scatter3(shared, FAR, slot, _ratio(ops.scale(albedo, sampled), scattered.weight), here)
+    _scatter3(shared, SECOND, slot, ops.along(point.position, point.geometric, point.offset), lanes)
+    _scatter3(shared, FACING, slot, point.geometric, lanes)
+    _scatter3(shared, NEAR, slot, _ratio(ops.scale(albedo, lit), connection.share), lanes)
+    _scatter3(shared, FAR, slot, _ratio(ops.scale(albedo, sampled), scattered.weight), lanes)
     return onward
 
 
 @helper
-def _ratio(part: Vec, whole: Vec) -> Vec:
+def _ratio(part: Vec, total: Vec) -> Vec:
     """A part over the whole, 0 where the whole is 0."""
     return (
-        ops.where(whole[0] > 0.0, part[0] / ops.maximum(whole[0], lights.TINY), 0.0),
-        ops.where(whole[1] > 0.0, part[1] / ops.maximum(whole[1], lights.TINY), 0.0),
-        ops.where(whole[2] > 0.0, part[2] / ops.maximum(whole[2], lights.TINY), 0.0),
+        ops.where(total[0] > 0.0, part[0] / ops.maximum(total[0], lights.TINY), 0.0),
+        ops.where(total[1] > 0.0, part[1] / ops.maximum(total[1], lights.TINY), 0.0),
+        ops.where(total[2] > 0.0, part[2] / ops.maximum(total[2], lights.TINY), 0.0),
     )
 
 
 @helper
-def _scatter3(shared: Any, row: int, slot: Lane, values: Vec, here: Lane) -> None:
+def _scatter3(shared: Any, row: int, slot: Lane, values: Vec, lanes: Lane) -> None:
     for k in range(3):
-        simd.scatter(shared.rows, slot + (row + k) * ROW, values[k], here)
+        simd.scatter(shared.rows, slot + (row + k) * ROW, values[k], lanes)
 
 
 clear = specialize_if_present(_clear)  # (shared, plain, n): clear the data of the first n paths
@@ -139,14 +140,14 @@ def _add_light_in_kernels(shared, light, slot, sent, mask, depth):
 
 
 @helper
-def _separate_light(shared: Any, plain: Any, light: Any, n: int, depth: int) -> Any:
+def _separate_light(shared: Any, default: Any, light: Any, n: int, depth: int) -> Any:
     like = simd.load(light, 0)
     zero = (0.0 * like, 0.0 * like, 0.0 * like)
     row = OWN if depth == 0 else DIRECT
     for i in range(0, n, crosslane.width(like)):
         store3(shared.rows, 0, row, i, load3(light, 0, 0, i))
         store3(light, 0, 0, i, zero)
-    return plain
+    return default
 
 
 separate_light = specialize_if_present(_separate_light)
@@ -154,9 +155,9 @@ separate_light = specialize_if_present(_separate_light)
 
 
 @helper
-def _combine(shared: Any, plain: Any, accel: Any, scene: Any, memory: Any, shadows: bool, n: int) -> Any:
+def _combine(shared: Any, default: Any, accel: Any, scene: Any, memory: Any, shadows: bool, n: int) -> Any:
     _combine_groups(accel, scene, memory, shadows, n)
-    return plain
+    return default
 
 
 combine = specialize_if_present(_combine)  # sum up the light of all n paths of a wave
@@ -176,12 +177,12 @@ def _combine_groups(accel: Any, scene: Any, memory: Any, shadows: bool, n: int) 
         for i in range(0, GROUP, step):
             red, green, blue = 0.0 * like, 0.0 * like, 0.0 * like
             for j in range(GROUP):
-                share, at = simd.load(pairs, j * GROUP + i), group + j
-                red = ops.fma(share, simd.read(light, at), red)
-                green = ops.fma(share, simd.read(light, at + ROW), green)
-                blue = ops.fma(share, simd.read(light, at + 2 * ROW), blue)
-            given = ops.mul(load3(rows, 0, ALBEDO, group + i), (red, green, blue))
-            store3(rows, 0, OWN, group + i, ops.add(load3(rows, 0, OWN, group + i), given))
+                share, second = simd.load(pairs, j * GROUP + i), group + j
+                red = ops.fma(share, simd.read(light, second), red)
+                green = ops.fma(share, simd.read(light, second + ROW), green)
+                blue = ops.fma(share, simd.read(light, second + 2 * ROW), blue)
+            shared_light = ops.mul(load3(rows, 0, ALBEDO, group + i), (red, green, blue))
+            store3(rows, 0, OWN, group + i, ops.add(load3(rows, 0, OWN, group + i), shared_light))
     for i in range(0, n, step):
         store3(light, 0, 0, i, load3(rows, 0, OWN, i))
 
@@ -192,11 +193,11 @@ def _split(rows: Any, light: Any, i: int) -> None:
     direct, beyond = load3(rows, 0, DIRECT, i), load3(light, 0, 0, i)
     sampled = simd.load(rows, RATIO * ROW + i)
     facing = load3(rows, 0, FACING, i)
-    known = facing[0] * facing[0] + facing[1] * facing[1] + facing[2] * facing[2] > 0.5
+    has_second = facing[0] * facing[0] + facing[1] * facing[1] + facing[2] * facing[2] > 0.5
     diffuse = ops.scale(ops.add(ops.mul(load3(rows, 0, NEAR, i), direct), ops.mul(load3(rows, 0, FAR, i), beyond)), sampled)
-    diffuse = ops.where3(known, diffuse, (0.0 * sampled, 0.0 * sampled, 0.0 * sampled))
-    own = ops.sub(ops.mul(load3(rows, 0, WEIGHT, i), ops.add(direct, beyond)), ops.mul(load3(rows, 0, ALBEDO, i), diffuse))
-    store3(rows, 0, OWN, i, ops.add(load3(rows, 0, OWN, i), own))
+    diffuse = ops.where3(has_second, diffuse, (0.0 * sampled, 0.0 * sampled, 0.0 * sampled))
+    own_light = ops.sub(ops.mul(load3(rows, 0, WEIGHT, i), ops.add(direct, beyond)), ops.mul(load3(rows, 0, ALBEDO, i), diffuse))
+    store3(rows, 0, OWN, i, ops.add(load3(rows, 0, OWN, i), own_light))
     store3(light, 0, 0, i, ops.scale(diffuse, simd.load(rows, CHANCE * ROW + i)))
 
 
@@ -208,25 +209,25 @@ def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, group: int, j: in
     """
     rows, pairs, light = memory.shared.rows, memory.shared.pairs, memory.light
     like = simd.load(rows, 0)
-    step, at, total, queued = crosslane.width(like), group + j, 0.0, 0
-    place, facing = _read3(rows, SECOND, at), _read3(rows, FACING, at)
-    known = facing[0] * facing[0] + facing[1] * facing[1] + facing[2] * facing[2] > 0.5
-    lit = known and simd.read(light, at) + simd.read(light, at + ROW) + simd.read(light, at + 2 * ROW) > 0.0
+    step, second, total, queued = crosslane.width(like), group + j, 0.0, 0
+    place, facing = _read3(rows, SECOND, second), _read3(rows, FACING, second)
+    has_second = facing[0] * facing[0] + facing[1] * facing[1] + facing[2] * facing[2] > 0.5
+    lit = has_second and simd.read(light, second) + simd.read(light, second + ROW) + simd.read(light, second + 2 * ROW) > 0.0
     for i in range(0, GROUP, step):
         terms = 0.0 * like
         if lit:
             terms = _geometric_term(rows, group + i, place, facing)
-            own = simd.iota(ops.int_like(like, 0)) == j - i
-            asked = (terms > 0.0) & ops.not_(own)
-            if shadows and ops.any_lane(asked):
+            is_own = simd.iota(ops.int_like(like, 0)) == j - i
+            tested = (terms > 0.0) & ops.not_(is_own)
+            if shadows and ops.any_lane(tested):
                 origin = load3(rows, 0, FIRST, group + i)
                 direction, reach = towards(origin, place)
-                blocked = asked & primitive_hits.blocked(scene.primitives.between, origin, direction, reach)
+                blocked = tested & primitive_hits.blocked(scene.primitives.between, origin, direction, reach)
                 terms = ops.where(blocked, 0.0, terms)
                 if scene.trees:
-                    inside = asked & ops.not_(blocked) & enters(scene, origin, direction, reach)
+                    inside = tested & ops.not_(blocked) & enters(scene, origin, direction, reach)
                     queued += queue_up(memory, queued, group + i, inside)
-            terms = ops.where(own, ops.maximum(terms, lights.TINY), terms)
+            terms = ops.where(is_own, ops.maximum(terms, lights.TINY), terms)
         simd.store(pairs, j * GROUP + i, terms)
     if queued > 0:
         pad(memory, queued)
@@ -238,9 +239,9 @@ def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, group: int, j: in
 
 
 @helper
-def _geometric_term(rows: Any, at: int, place: Vec, facing: Vec) -> Lane:
+def _geometric_term(rows: Any, first: int, place: Vec, facing: Vec) -> Lane:
     """The geometric term between first surfaces and a second one: π times the density of hits by diffuse samples."""
-    origin, normal, geometric = load3(rows, 0, FIRST, at), load3(rows, 0, NORMAL, at), load3(rows, 0, GEOMETRIC, at)
+    origin, normal, geometric = load3(rows, 0, FIRST, first), load3(rows, 0, NORMAL, first), load3(rows, 0, GEOMETRIC, first)
     way = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
     inverse = 1.0 / ops.maximum(ops.dot(way, way), lights.TINY)
     leaving = ops.where(ops.dot(geometric, way) > 0.0, ops.maximum(ops.dot(normal, way), 0.0), 0.0)
@@ -272,6 +273,6 @@ def _trace_queue_in_kernels(accel, memory, place, queued, to):
 
 
 @helper
-def _read3(rows: Any, row: int, at: int) -> Vec:
-    first = row * ROW + at
+def _read3(rows: Any, row: int, slot: int) -> Vec:
+    first = row * ROW + slot
     return simd.read(rows, first), simd.read(rows, first + ROW), simd.read(rows, first + 2 * ROW)

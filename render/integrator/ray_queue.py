@@ -22,20 +22,20 @@ def enters(scene: Any, origin: Vec, direction: Vec, t: Lane) -> Lane:
     begin, end = ops.full_like(t, 0.0), t
     for k in range(3):
         inverse = 1.0 / direction[k]
-        one, other = (scene.low[k] - origin[k]) * inverse, (scene.high[k] - origin[k]) * inverse
-        begin = ops.maximum(ops.minimum(one, other), begin)
-        end = ops.minimum(ops.maximum(one, other) * 1.000001, end)
+        t0, t1 = (scene.low[k] - origin[k]) * inverse, (scene.high[k] - origin[k]) * inverse
+        begin = ops.maximum(ops.minimum(t0, t1), begin)
+        end = ops.minimum(ops.maximum(t0, t1) * 1.000001, end)
     return begin <= end
 
 
 @helper
 def queue_up(memory: Any, queued: int, i: int, mask: Lane) -> int:
     """Append the indices of a mask's lanes, from i on, to the queue; return their number."""
-    left = simd.bits(mask)
+    lanes = simd.bits(mask)
     count = 0
-    while left != 0:
-        k = simd.trailing_zeros(left)
-        left &= left - 1
+    while lanes != 0:
+        k = simd.trailing_zeros(lanes)
+        lanes &= lanes - 1
         simd.write(memory.queue, queued + count, i + k)
         count += 1
     return count
@@ -103,15 +103,15 @@ def attenuate_between(accel, scene, memory, rows, ends, n):
     like = simd.load(rows, 0)
     queued = 0
     for i in range(0, n, crosslane.width(like)):
-        left = simd.load(rows, share * ROW + i)
-        asked = simd.first_lanes(n - i, like) & (left > 0.0)
-        if ops.any_lane(asked):
+        shares = simd.load(rows, share * ROW + i)
+        tested = simd.first_lanes(n - i, like) & (shares > 0.0)
+        if ops.any_lane(tested):
             origin = load3(rows, 0, begin, i)
             direction, reach = towards(origin, load3(rows, 0, end, i))
             blocked = primitive_hits.blocked(scene.primitives.blocking, origin, direction, reach)
-            simd.store(rows, share * ROW + i, ops.where(blocked, 0.0, left))
+            simd.store(rows, share * ROW + i, ops.where(blocked, 0.0, shares))
             if scene.trees:
-                queued += queue_up(memory, queued, i, asked & ops.not_(blocked) & enters(scene, origin, direction, reach))
+                queued += queue_up(memory, queued, i, tested & ops.not_(blocked) & enters(scene, origin, direction, reach))
     pad(memory, queued)
     _attenuate_queued(accel, memory, rows, ends, queued)
 

@@ -56,19 +56,19 @@ def spawn_secondary_rays(
 ) -> Lane:
     """Push the reflected, refracted and diffuse rays of a surface that `ray` hit; return how many are on each stack."""
     options, point, shader = scene.options, shading.point, shading.shader
-    tables, inside, left, key, weight = scene.tables, ray.inside, ray.left, ray.key, ray.weight
+    tables, inside, remaining, key, weight = scene.tables, ray.inside, ray.left, ray.key, ray.weight
     reflection, transmission, refracted, _ = bsdf.fresnel_split(point, shader, ray.direction)
-    plain = ops.full_like(point.offset, 0.0)
-    through = ops.where((ray.kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, plain + SPECULAR_RAY)
+    zero = ops.full_like(point.offset, 0.0)
+    through = ops.where((ray.kind == STRAIGHT_RAY) & (shader.ior == 1.0), STRAIGHT_RAY, zero + SPECULAR_RAY)
     bits = links.bits_of(options.links, None, tables, point)
     mirrored = ops.reflect(ray.direction, point.normal)
     outside = ops.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
     mirrored = ops.where3(outside, mirrored, ops.reflect(ray.direction, point.geometric))
-    child = RayState(mirrored, ops.mul(weight, reflection), left, plain + SPECULAR_RAY, inside, key, bits)
+    child = RayState(mirrored, ops.mul(weight, reflection), remaining, zero + SPECULAR_RAY, inside, key, bits)
     waiting = _push(stack, waiting, point, child, going, 0)
     beyond = medium_stack.cross_boundary(inside, None, tables, point, refracted)
     further = links.bits_beyond(options.links, None, tables, point, ray.links, shader.ior == 1.0)
-    child = RayState(refracted, ops.mul(weight, transmission), left, through, beyond, key, further)
+    child = RayState(refracted, ops.mul(weight, transmission), remaining, through, beyond, key, further)
     waiting = _push(stack, waiting, point, child, going, 1)
     if options.interreflection or (bsdf.has_facets(shader) and ops.any_lane(going & bsdf.facets_of(shader))):
         u, v = sobol.pair(sampler.pixel, sampler.sample, key * LIGHT_DIMENSIONS * 2 + 1, options.seed)
@@ -76,57 +76,57 @@ def spawn_secondary_rays(
         onward, share = bsdf.sample_glossy_or_diffuse(shader, point.normal, shading.viewer, u, v, which, options.interreflection)
         above = going & bsdf.scatters_through(shader, ops.dot(onward, point.geometric) > 0.0)
         beyond = medium_stack.cross_boundary(inside, None, tables, point, onward)
-        child = RayState(onward, ops.mul(weight, share), left, plain + DIFFUSE_RAY, beyond, key, bits)
+        child = RayState(onward, ops.mul(weight, share), remaining, zero + DIFFUSE_RAY, beyond, key, bits)
         waiting = _push(stack, waiting, point, child, above, 2)
     return waiting
 
 
 @helper
-def _coverage(accel: Any, scene: Scene, point: Surface, left: Lane, sampler: SampleIndex, stack: Any, waiting: Lane) -> Lane:
+def _coverage(accel: Any, scene: Scene, point: Surface, remaining: Lane, sampler: SampleIndex, stack: Any, waiting: Lane) -> Lane:
     if motion_alpha.has_no_instances(accel):
         return 0.0 * point.offset + 1.0
-    there = surface_alpha.opacity_at(scene.tables, point)
-    fits = waiting + ops.where(left > 0, BRANCHES, 0) + _depth(left - 1) <= stack.shape[0]
-    by_chance = sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2, scene.options.seed)[0] < there
-    return ops.where(fits, there, ops.where(by_chance, 1.0, 0.0))
+    opacity = surface_alpha.opacity_at(scene.tables, point)
+    fits = waiting + ops.where(remaining > 0, BRANCHES, 0) + _depth(remaining - 1) <= stack.shape[0]
+    by_chance = sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2, scene.options.seed)[0] < opacity
+    return ops.where(fits, opacity, ops.where(by_chance, 1.0, 0.0))
 
 
 @helper
-def _continue(waiting: Lane, accel: Any, point: Surface, ray: RayState, coverage: Lane, here: Lane, stack: Any) -> Lane:
+def _continue(waiting: Lane, accel: Any, point: Surface, ray: RayState, coverage: Lane, lanes: Lane, stack: Any) -> Lane:
     if motion_alpha.has_no_instances(accel):
         return waiting
-    passing = here & (coverage < 1.0)
+    passing = lanes & (coverage < 1.0)
     child = RayState(ray.direction, ops.scale(ray.weight, 1.0 - coverage), ray.left + 1, ray.kind, ray.inside, ray.key, ray.links)
     return _push(stack, waiting, point, child, passing, BRANCHES)
 
 
-def coverage_of(accel: Any, *of: Any) -> Lane:
+def coverage_of(accel: Any, *arguments: Any) -> Lane:
     """(accel, scene, point, left, sampler, stack, waiting): the coverage of a hit surface, 0 to 1.
 
     It is the surface's alpha, or, where the stack has no space for a ray behind it, 0 or 1 with that probability. Kernels of opaque
     scenes leave it out.
     """
-    return _coverage(accel, *of)
+    return _coverage(accel, *arguments)
 
 
 @overload(coverage_of)
-def _coverage_in_kernels(accel, *of):
-    return (lambda accel, *of: _coverage(accel, *of)) if motion_alpha.has_opacity(accel) else lambda accel, *of: 1.0
+def _coverage_in_kernels(accel, *arguments):
+    return (lambda accel, *arguments: _coverage(accel, *arguments)) if motion_alpha.has_opacity(accel) else lambda accel, *arguments: 1.0
 
 
-def continue_through(waiting: Lane, accel: Any, *of: Any) -> Lane:
+def continue_through(waiting: Lane, accel: Any, *arguments: Any) -> Lane:
     """(waiting, accel, point, ray, coverage, here, stack): push the ray that passes a partly transparent surface unchanged.
 
     Return how many rays are on each stack. Kernels of opaque scenes leave it out.
     """
-    return _continue(waiting, accel, *of)
+    return _continue(waiting, accel, *arguments)
 
 
 @overload(continue_through)
-def _continue_in_kernels(waiting, accel, *of):
+def _continue_in_kernels(waiting, accel, *arguments):
     if motion_alpha.has_opacity(accel):
-        return lambda waiting, accel, *of: _continue(waiting, accel, *of)
-    return lambda waiting, accel, *of: waiting
+        return lambda waiting, accel, *arguments: _continue(waiting, accel, *arguments)
+    return lambda waiting, accel, *arguments: waiting
 
 
 @helper
@@ -156,27 +156,27 @@ def pop(stack: Any, place: Lane, time: Any) -> tuple[Ray, Vec, Lane, Lane, Lane]
     )
     zero = 0.0 * origin[0]
     ray = Ray(origin, direction, zero, zero + np.inf, time)
-    left, key = ops.to_int(crosslane.stack_load(stack, place, 9)), ops.to_int(crosslane.stack_load(stack, place, 11))
-    return ray, weight, left, crosslane.stack_load(stack, place, 10), key
+    remaining, key = ops.to_int(crosslane.stack_load(stack, place, 9)), ops.to_int(crosslane.stack_load(stack, place, 11))
+    return ray, weight, remaining, crosslane.stack_load(stack, place, 10), key
 
 
 @helper
-def _pop_medium(inside: Lane, plain: Any, stack: Any, place: Lane) -> Lane:
+def _pop_medium(inside: Lane, default: Any, stack: Any, place: Lane) -> Lane:
     return ops.to_int(crosslane.stack_load(stack, place, 12))
 
 
 @helper
-def _push_medium(inside: Lane, plain: Any, stack: Any, place: Lane, active: Lane) -> None:
+def _push_medium(inside: Lane, default: Any, stack: Any, place: Lane, active: Lane) -> None:
     crosslane.stack_store(stack, place, 12, ops.to_float(inside), active)
 
 
 @helper
-def _load_links(linked: Any, plain: Any, stack: Any, place: Lane) -> Lane:
+def _load_links(linked: Any, default: Any, stack: Any, place: Lane) -> Lane:
     return ops.to_int(crosslane.stack_load(stack, place, LINKS))
 
 
 @helper
-def _store_links(bits: Lane, plain: Any, stack: Any, place: Lane, active: Lane) -> None:
+def _store_links(bits: Lane, default: Any, stack: Any, place: Lane, active: Lane) -> None:
     crosslane.stack_store(stack, place, LINKS, ops.to_float(bits), active)
 
 

@@ -58,12 +58,12 @@ def _vertex_corners(tables: Tables, g: int) -> np.ndarray:
     """(vertices, 2) a triangle and corner of each vertex; -1 for unused vertices."""
     geometries = tables.geometries
     first, count = int(geometries.first_triangle[g]), int(geometries.triangle_count[g])
-    found = np.full((int(geometries.vertex_count[g]), 2), -1, np.int64)
+    corners = np.full((int(geometries.vertex_count[g]), 2), -1, np.int64)
     for corner in (2, 1, 0):
         vertex = tables.pools.triangles[first : first + count, corner] - geometries.first_vertex[g]
-        found[vertex, 0] = np.arange(first, first + count)
-        found[vertex, 1] = corner
-    return found
+        corners[vertex, 0] = np.arange(first, first + count)
+        corners[vertex, 1] = corner
+    return corners
 
 
 def _in_numpy(
@@ -103,8 +103,8 @@ def at_vertex(
     total = (zero, zero, zero)
     for s in range(samples):
         sample = ops.int_like(zero, s)
-        found = direct_light.direct_light(scene, shading, everywhere, SampleIndex(vertex, sample, key))
-        total = ops.add(total, found)
+        light = direct_light.direct_light(scene, shading, everywhere, SampleIndex(vertex, sample, key))
+        total = ops.add(total, light)
     return ops.scale(total, 1.0 / samples)
 
 
@@ -113,9 +113,9 @@ def _surface_at_vertex(tables: Tables, hit: Hit, side: float) -> Surface:
     """The surface at a vertex, hit by a ray from straight above (side 1) or below (-1) the triangle."""
     zero = hit.t
     any_ray = Ray((zero, zero, zero), (zero, zero, zero + 1.0), zero, zero + np.inf, None)
-    here = interaction.make_interaction(tables, any_ray, hit)
-    above = ops.scale(here.geometric, ops.where(here.front, side, -side))
-    ray = Ray(ops.add(here.position, above), ops.negate(above), zero, zero + np.inf, None)
+    surface = interaction.make_interaction(tables, any_ray, hit)
+    above = ops.scale(surface.geometric, ops.where(surface.front, side, -side))
+    ray = Ray(ops.add(surface.position, above), ops.negate(above), zero, zero + np.inf, None)
     return interaction.make_interaction(tables, ray, Hit(zero + 1.0, hit.instance, hit.primitive, hit.u, hit.v))
 
 

@@ -27,8 +27,8 @@ _WIDTH64 = simd.WIDTH64
 
 
 @helper
-def _gather_near(table: Any, plain: Lane, memory: Any, at: Lane) -> Lane:
-    return memory.near[at]
+def _gather_near(table: Any, default: Lane, memory: Any, element: Lane) -> Lane:
+    return memory.near[element]
 
 
 gather_near = specialize_if_present(_gather_near)
@@ -113,8 +113,8 @@ def _closest_in_kernels(accel, ray, visible, index):
             return hit
         passed, layer = ops.bool_like(ray.t_min, True), 0
         while True:
-            there, onward = motion_alpha.alpha_at_hit(accel, ray, hit)
-            passed = passed & (alpha_number(index, layer) >= there)
+            opacity, onward = motion_alpha.alpha_at_hit(accel, ray, hit)
+            passed = passed & (alpha_number(index, layer) >= opacity)
             if ops.not_(ops.any_lane(passed)):
                 return hit
             ray = Ray(ray.origin, ray.direction, ops.where(passed, onward, ray.t_min), ray.t_max, ray.time)
@@ -144,18 +144,18 @@ def _full_interaction(tables, ray, hit):
 
 @helper
 def surface_at(
-    tables: Any, records: Any, origin: Vec, direction: Vec, hit: Hit, piece: Lane, here: Lane, time: Any
+    tables: Any, records: Any, origin: Vec, direction: Vec, hit: Hit, piece: Lane, lanes: Lane, time: Any
 ) -> tuple[Surface, Hit]:  # fmt: skip
     """(surface, hit) of rays; hits in the primitive list get their instance and primitive here.
 
     `piece` is a hit's row in the primitive list or -1, `records` are triangle_records.Records.
     """
     row = ops.maximum(piece, 0)
-    of_piece = here & (piece >= 0)
+    of_piece = lanes & (piece >= 0)
     x, y, z, inverse, of_instance, of_primitive, of_material, is_plain = simd.gather_rows(records.rows, row * 8, 8)
-    instance = ops.where(of_piece, ops.to_int(of_instance), ops.where(here, hit.instance, -1))
+    instance = ops.where(of_piece, ops.to_int(of_instance), ops.where(lanes, hit.instance, -1))
     hit = Hit(hit.t, instance, ops.where(of_piece, ops.to_int(of_primitive), hit.primitive), hit.u, hit.v)
-    plain = of_piece & (is_plain > 0.5)
+    by_record = of_piece & (is_plain > 0.5)
     t = ops.where(of_piece, hit.t, 0.0)
     position = ops.along(origin, direction, t)
     outward = (x, y, z)
@@ -168,7 +168,7 @@ def surface_at(
     zero = ops.full_like(t, 0.0)
     side = ops.where(front, zero + 1.0, zero - 1.0)
     facing = ops.scale(outward, side)
-    rounded = plain & (is_plain > triangle_records.PLAIN)
+    rounded = by_record & (is_plain > triangle_records.PLAIN)
     shaded, lift = triangle_records.interpolate_normal(records.rounded, outward, row, rounded, hit.u, hit.v, side)
     shaded = ops.scale(shaded, side)
     size = abs(outward[0]) * (abs(origin[0]) + abs(position[0])) + abs(outward[1]) * (abs(origin[1]) + abs(position[1]))
@@ -178,7 +178,7 @@ def surface_at(
         position, position, facing, shaded, outward, (zero, zero), (zero + 1.0, zero + 1.0), front, ops.maximum(instance, 0),
         ops.to_int(of_material), white, size * (interaction.ROUNDING * ops.roundoff(zero)), time, None, lift, None, None,
     )  # fmt: skip
-    others = here & ops.not_(plain)
+    others = lanes & ops.not_(by_record)
     if ops.any_lane(others):
         ray = Ray(origin, direction, zero, zero + np.inf, time)
         full = _full_interaction(tables, ray, Hit(hit.t, ops.where(others, instance, -1), hit.primitive, hit.u, hit.v))

@@ -40,16 +40,16 @@ def _add_share(memory: Any, k: Lane, slot: Lane, share: Lane, valid: Lane) -> No
     lit = (share > 0.0) & valid
     if ops.any_lane(lit):
         for c in range(3):
-            at = slot + c * ROW
+            element = slot + c * ROW
             light = memory.shadow[k + (7 + c) * ROW] * share
-            simd.scatter(memory.light, at, memory.light[at] + light, lit)
+            simd.scatter(memory.light, element, memory.light[element] + light, lit)
 
 
 @helper
 def _keep_share(table: Any, memory: Any, k: Lane, slot: Lane, share: Lane, valid: Lane) -> None:
     for c in range(3):
-        at = k + (7 + c) * ROW
-        simd.scatter(memory.shadow, at, memory.shadow[at] * share, valid)
+        element = k + (7 + c) * ROW
+        simd.scatter(memory.shadow, element, memory.shadow[element] * share, valid)
 
 
 deliver = specialize_either(_keep_light, _add_light)
@@ -60,21 +60,21 @@ deliver_share = specialize_either(_keep_share, _add_share)
 
 
 @helper
-def _glow(flown: flights.Flown, plain: Any, memory: Any, slot: Lane, active: Lane, depth: int) -> Any:
+def _glow(flown: flights.Flown, default: Any, memory: Any, slot: Lane, active: Lane, depth: int) -> Any:
     bright = active & (ops.largest(flown.emitted) > 0.0)
     if ops.any_lane(bright):
         path_reuse.add_light(memory.shared, memory.light, slot, flown.emitted, bright, depth)
-    return plain
+    return default
 
 
 add_glow = specialize_if_present(_glow)  # (flown, None, memory, slots, active, depth): add the light that media on the way emit
 
 
 @helper
-def _transmit(table: Any, plain: Any, accel: Any, scene: Any, frame: Any, memory: Any, source: int, n: int, depth: int) -> Any:
+def _transmit(table: Any, default: Any, accel: Any, scene: Any, frame: Any, memory: Any, source: int, n: int, depth: int) -> Any:
     if n > 0:
         _pass_media(accel, scene, frame, memory, source, n, depth)
-    return plain
+    return default
 
 
 transmit_stage = specialize_if_present(_transmit)
@@ -103,42 +103,42 @@ def _queue_rays(tables: Any, frame: Any, memory: Any, source: int, n: int) -> in
     like = simd.load(memory.state, 0)
     for i in range(0, n, crosslane.width(like)):
         light, distance = load3(memory.shadow, 0, 7, i), simd.load(memory.shadow, 6 * ROW + i)
-        wanted = simd.first_lanes(n - i, like) & (ops.largest(light) > 0.0)
-        slot = ops.where(wanted, simd.load(memory.shadow_slot, i), 0)
+        unblocked = simd.first_lanes(n - i, like) & (ops.largest(light) > 0.0)
+        slot = ops.where(unblocked, simd.load(memory.shadow_slot, i), 0)
         x, y, s = memory.items[slot + 4 * ROW], memory.items[slot + 5 * ROW], memory.items[slot + 2 * ROW]
         pixel, sample = sobol.zorder_index(x, y, s, frame.picture.width, frame.order)
         zero = 0.0 * light[0]
-        compress_store3(memory.state, base + queued, load3(memory.shadow, 0, 0, i), wanted)
-        compress_store3(memory.state, base + 3 * ROW + queued, load3(memory.shadow, 0, 3, i), wanted)
-        compress_store3(memory.state, base + 6 * ROW + queued, light, wanted)
-        compress_store(memory.state, base + 9 * ROW + queued, ops.absolute(distance), wanted)
-        compress_store3(memory.index, source * 3 * ROW + queued, (slot, pixel, sample), wanted)
-        compress_store(memory.inside, source * ROW + queued, simd.load(memory.shadow_inside, i), wanted)
-        compress_store(memory.near, source * ROW + queued, zero, wanted)
+        compress_store3(memory.state, base + queued, load3(memory.shadow, 0, 0, i), unblocked)
+        compress_store3(memory.state, base + 3 * ROW + queued, load3(memory.shadow, 0, 3, i), unblocked)
+        compress_store3(memory.state, base + 6 * ROW + queued, light, unblocked)
+        compress_store(memory.state, base + 9 * ROW + queued, ops.absolute(distance), unblocked)
+        compress_store3(memory.index, source * 3 * ROW + queued, (slot, pixel, sample), unblocked)
+        compress_store(memory.inside, source * ROW + queued, simd.load(memory.shadow_inside, i), unblocked)
+        compress_store(memory.near, source * ROW + queued, zero, unblocked)
         body = load_body(medium_stack.initial_body(tables, zero), None, memory.shadow_body, i, 1)
-        store_body(body, None, memory.body, source * 4 * ROW + queued, wanted)
-        queued += simd.count(wanted)
+        store_body(body, None, memory.body, source * 4 * ROW + queued, unblocked)
+        queued += simd.count(unblocked)
     return queued
 
 
 @helper
-def _is_collecting(media: Any, plain: Lane, distance: Lane) -> Lane:
+def _is_collecting(media: Any, default: Lane, distance: Lane) -> Lane:
     return emitting_cells.collected(distance) > 0
 
 
 @helper
-def _add_collected(media: Any, plain: Vec, table: Any, tables: Tables, memory: Any, rays: Any, ray: Any, key: tracking.Key) -> Vec:
-    """Add the light of one medium on a segment of rays that collect it; return the share of light that passes, `plain` for others."""
+def _add_collected(media: Any, default: Vec, table: Any, tables: Tables, memory: Any, rays: Any, ray: Any, key: tracking.Key) -> Vec:
+    """Add the light of one medium on a segment of rays that collect it; return the share of light that passes, `default` for others."""
     number, distance, light, slot = rays
-    wanted = emitting_cells.collected(distance)
-    collects = wanted > 0
+    collected_number = emitting_cells.collected(distance)
+    collects = collected_number > 0
     if ops.not_(ops.any_lane(collects & (number > 0))):
-        return plain
+        return default
     passed, emitted = pass_and_collect(table, tables, ops.where(collects, number, 0), ray, key)
-    lit = collects & (number == wanted) & (ops.largest(emitted) > 0.0)
+    lit = collects & (number == collected_number) & (ops.largest(emitted) > 0.0)
     if ops.any_lane(lit):
         scatter_add(memory.light, ops.where(lit, slot, 0), ops.mul(light, emitted), lit)
-    return ops.where3(collects, passed, plain)
+    return ops.where3(collects, passed, default)
 
 
 @helper
@@ -159,9 +159,9 @@ _collect = specialize_if_present(_add_collected)
 @helper
 def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, n: int, key: int) -> int:
     """Take n rays to their next boundary, or to their end, where they add their light; return the number of those that go on."""
-    tables, base, kept = scene.tables, source * STATE * ROW, 0
+    tables, base, going_count = scene.tables, source * STATE * ROW, 0
     media = scene.light.emitters.media
-    met = table.walled[0] or emitting_cells.exist(media, False)
+    intersects = table.walled[0] or emitting_cells.exist(media, False)
     like = simd.load(memory.state, 0)
     for i in range(0, n, crosslane.width(like)):
         active = simd.first_lanes(n - i, like)
@@ -171,7 +171,7 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         inside = simd.load(memory.inside, source * ROW + i)
         body = load_body(medium_stack.initial_body(tables, near), None, memory.body, source * 4 * ROW + i, 1)
         hit, piece, hits = load_hits(memory, i, active)
-        hits = hits & ops.bool_like(like, met)
+        hits = hits & ops.bool_like(like, intersects)
         t = ops.where(hits, hit.t, np.inf)
         hits = hits & (t < distance)
         far = ops.maximum(ops.minimum(t, distance), near)
@@ -194,13 +194,13 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         point, hit = surface_at(tables, scene.primitives.records, origin, direction, hit, piece, hits, time)
         inside = medium_stack.cross_boundary(inside, None, tables, point, direction)
         going = going & ops.not_(collects & ops.not_(table.clear[point.material]))
-        compress_store3(memory.state, base + kept, origin, going)
-        compress_store3(memory.state, base + 3 * ROW + kept, direction, going)
-        compress_store3(memory.state, base + 6 * ROW + kept, light, going)
-        compress_store(memory.state, base + 9 * ROW + kept, distance, going)
-        compress_store3(memory.index, source * 3 * ROW + kept, (slot, pixel, sample), going)
-        compress_store(memory.inside, source * ROW + kept, inside, going)
-        store_body(body, None, memory.body, source * 4 * ROW + kept, going)
-        compress_store(memory.near, source * ROW + kept, flights.behind(point, direction, t), going)
-        kept += simd.count(going)
-    return kept
+        compress_store3(memory.state, base + going_count, origin, going)
+        compress_store3(memory.state, base + 3 * ROW + going_count, direction, going)
+        compress_store3(memory.state, base + 6 * ROW + going_count, light, going)
+        compress_store(memory.state, base + 9 * ROW + going_count, distance, going)
+        compress_store3(memory.index, source * 3 * ROW + going_count, (slot, pixel, sample), going)
+        compress_store(memory.inside, source * ROW + going_count, inside, going)
+        store_body(body, None, memory.body, source * 4 * ROW + going_count, going)
+        compress_store(memory.near, source * ROW + going_count, flights.behind(point, direction, t), going)
+        going_count += simd.count(going)
+    return going_count

@@ -51,18 +51,18 @@ class WaveMemory(NamedTuple):
     @classmethod
     def of(cls, kind: type, reuses: bool = False) -> WaveMemory:
         """Allocate memory for waves of float32 or float64; with `reuses`, also for path reuse."""
-        whole = np.int32 if kind == np.float32 else np.int64
+        index_type = np.int32 if kind == np.float32 else np.int64
 
         def row(count: int, what: type) -> NDArray[Any]:
-            made = simd.aligned_empty(count * ROW, what)
-            made[:] = 0
-            return made
+            array = simd.aligned_empty(count * ROW, what)
+            array[:] = 0
+            return array
 
         return cls(
-            row(2 * STATE, kind), row(2 * 3, whole), row(3, kind), row(3, whole), row(ASKED, kind), row(1, whole),
-            row(ESTIMATE, kind), row(1, whole), row(1, np.int64),
-            row(4, kind), row(6, whole), row(2, kind), row(2, kind), row(2, whole), row(2 * 3, kind),
-            row(2, whole), row(1, whole), row(1, whole), row(2 * 4, kind), row(4, kind), row(2, kind),
+            row(2 * STATE, kind), row(2 * 3, index_type), row(3, kind), row(3, index_type), row(ASKED, kind), row(1, index_type),
+            row(ESTIMATE, kind), row(1, index_type), row(1, np.int64),
+            row(4, kind), row(6, index_type), row(2, kind), row(2, kind), row(2, index_type), row(2 * 3, kind),
+            row(2, index_type), row(1, index_type), row(1, index_type), row(2 * 4, kind), row(4, kind), row(2, kind),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -83,36 +83,36 @@ class WaveScene(NamedTuple):
 
 
 @helper
-def _load_medium(outside: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
-    return outside if depth == 0 else simd.load(memory.inside, at)
+def _load_medium(outside: Any, default: Any, memory: Any, element: int, depth: int) -> Lane:
+    return outside if depth == 0 else simd.load(memory.inside, element)
 
 
 @helper
-def _load_body(start: Any, plain: Any, rows: Any, at: int, depth: int) -> Any:
+def _load_body(start: Any, default: Any, rows: Any, element: int, depth: int) -> Any:
     if depth == 0:
         return start
-    return simd.load(rows, at), simd.load(rows, at + ROW), simd.load(rows, at + 2 * ROW), simd.load(rows, at + 3 * ROW)
+    return simd.load(rows, element), simd.load(rows, element + ROW), simd.load(rows, element + 2 * ROW), simd.load(rows, element + 3 * ROW)
 
 
 @helper
-def _store_body(body: Any, plain: Any, rows: Any, at: int, going: Lane) -> None:
+def _store_body(body: Any, default: Any, rows: Any, element: int, going: Lane) -> None:
     for k in range(4):
-        compress_store(rows, at + k * ROW, body[k], going)
+        compress_store(rows, element + k * ROW, body[k], going)
 
 
 @helper
-def _store_optional(value: Lane, plain: Any, rows: Any, at: int, going: Lane) -> None:
-    compress_store(rows, at, value, going)
+def _store_optional(value: Lane, default: Any, rows: Any, element: int, going: Lane) -> None:
+    compress_store(rows, element, value, going)
 
 
 @helper
-def _store_optional3(value: Vec, plain: Any, rows: Any, at: int, going: Lane) -> None:
-    compress_store3(rows, at, value, going)
+def _store_optional3(value: Vec, default: Any, rows: Any, element: int, going: Lane) -> None:
+    compress_store3(rows, element, value, going)
 
 
 @helper
-def _load_leaving(volume: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
-    cosine = simd.load(memory.leaving, at)
+def _load_leaving(volume: Any, default: Any, memory: Any, element: int, depth: int) -> Lane:
+    cosine = simd.load(memory.leaving, element)
     return 0.0 * cosine + FAR if depth == 0 else cosine
 
 
@@ -122,27 +122,27 @@ def _load_divided(table: Any, plain: Any, memory: Any, at: int, depth: int) -> L
     return 0.0 * divided if depth == 0 else divided
 
 
-def load_facing(below: Any, memory: Any, at: int) -> Any:
+def load_facing(below: Any, memory: Any, element: int) -> Any:
     raise NotImplementedError
 
 
 @overload(load_facing)
-def _load_facing_in_kernels(below, memory, at):
+def _load_facing_in_kernels(below, memory, element):
     """Load the normals at the origins of rays; None in scenes with few lights."""
     if below.layout:
-        return lambda below, memory, at: load3(memory.facing, at, 0, 0)
-    return lambda below, memory, at: None
+        return lambda below, memory, element: load3(memory.facing, element, 0, 0)
+    return lambda below, memory, element: None
 
 
 @helper
-def _load_links(linked: Any, plain: Any, memory: Any, at: int, depth: int) -> Lane:
-    bits = simd.load(memory.links, at)
+def _load_links(linked: Any, default: Any, memory: Any, element: int, depth: int) -> Lane:
+    bits = simd.load(memory.links, element)
     return links.bits_of_eye(linked, None, ops.to_float(bits)) if depth == 0 else bits
 
 
 @helper
-def _load_near(table: Any, plain: Any, memory: Any, at: int) -> Lane:
-    return simd.load(memory.near, at)
+def _load_near(table: Any, default: Any, memory: Any, element: int) -> Lane:
+    return simd.load(memory.near, element)
 
 
 load_near = specialize_if_present(_load_near)

@@ -83,14 +83,14 @@ def draw_tile_in_groups(accel, scene, frame, tile, first, count, total, film, me
     """
     saved = simd.flush_denormals()
     filled = 0
-    for top in range(tile.y0 // CELL * CELL, tile.y1, CELL):
-        for left in range(tile.x0 // CELL * CELL, tile.x1, CELL):
-            row, column = max(top - tile.y0, 0), max(left - tile.x0, 0)
+    for cell_y in range(tile.y0 // CELL * CELL, tile.y1, CELL):
+        for cell_x in range(tile.x0 // CELL * CELL, tile.x1, CELL):
+            row, column = max(cell_y - tile.y0, 0), max(cell_x - tile.x0, 0)
             begin, end = first[row, column], first[row, column] + count[row, column]
-            for y in range(cell_extent(top, frame.picture.height) // SIDE):
-                for x in range(cell_extent(left, frame.picture.width) // SIDE):
+            for y in range(cell_extent(cell_y, frame.picture.height) // SIDE):
+                for x in range(cell_extent(cell_x, frame.picture.width) // SIDE):
                     for s in range(begin, end):
-                        filled += _queue_group(frame, tile, memory, filled, left, top, x, y, s)
+                        filled += _queue_group(frame, tile, memory, filled, cell_x, cell_y, x, y, s)
                         if filled == SIZE:
                             filled = render_wave(accel, scene, frame, total, film, memory, filled, tile.x1 - tile.x0)
     render_wave(accel, scene, frame, total, film, memory, filled, tile.x1 - tile.x0)
@@ -98,18 +98,18 @@ def draw_tile_in_groups(accel, scene, frame, tile, first, count, total, film, me
 
 
 @helper
-def _queue_group(frame, tile, memory, filled, left, top, x, y, sample):
+def _queue_group(frame, tile, memory, filled, cell_x, cell_y, x, y, sample):
     """Queue a sample of the pixels of group x, y of the cell at left, top; return their number, 0 if none lies in the tile."""
-    columns, rows = cell_extent(left, frame.picture.width), cell_extent(top, frame.picture.height)
+    columns, rows = cell_extent(cell_x, frame.picture.width), cell_extent(cell_y, frame.picture.height)
     seen = False
     for k in range(GROUP):
-        column, row = place_of(left, top, columns, rows, x, y, k)
+        column, row = place_of(cell_x, cell_y, columns, rows, x, y, k)
         inside = (tile.x0 <= column) & (column < tile.x1) & (tile.y0 <= row) & (row < tile.y1)
         place = (row - tile.y0) * (tile.x1 - tile.x0) + column - tile.x0
         memory.items[filled + k], memory.items[ROW + filled + k] = column, row
         memory.items[2 * ROW + filled + k], memory.items[3 * ROW + filled + k] = sample, place if inside else -1
-        memory.items[4 * ROW + filled + k] = left + x * SIDE + k % SIDE
-        memory.items[5 * ROW + filled + k] = top + y * SIDE + k // SIDE
+        memory.items[4 * ROW + filled + k] = cell_x + x * SIDE + k % SIDE
+        memory.items[5 * ROW + filled + k] = cell_y + y * SIDE + k // SIDE
         seen = seen | inside
     return GROUP if seen else 0
 
@@ -128,17 +128,17 @@ def _trace_wave(accel, scene, frame, total, memory, n):
     """Write the light of n samples to memory."""
     _generate_stage(scene.tables, frame, total, memory, n)
     path_reuse.clear(memory.shared, 0, n)
-    left, source = n, 0
+    path_count, source = n, 0
     for depth in range(frame.options.bounces + 2):
-        intersect_stage(accel, scene, frame, memory, source, left, depth)
-        left, asked, gathered = _shade_stage(scene, frame, memory, source, left, depth)
-        _shadow_stage(accel, scene, frame, memory, asked)
-        transmit_stage(medium_stack.scattering(scene.tables), None, accel, scene, frame, memory, source, asked, depth)
+        intersect_stage(accel, scene, frame, memory, source, path_count, depth)
+        path_count, shadow_count, gathered = _shade_stage(scene, frame, memory, source, path_count, depth)
+        _shadow_stage(accel, scene, frame, memory, shadow_count)
+        transmit_stage(medium_stack.scattering(scene.tables), None, accel, scene, frame, memory, source, shadow_count, depth)
         _photon_stage(scene.light.photons, None, accel, scene, frame, memory, gathered, depth)
         source = 1 - source
         if depth <= 1:
             path_reuse.separate_light(memory.shared, 0, memory.light, n, depth)
-        if left == 0:
+        if path_count == 0:
             break
     path_reuse.combine(memory.shared, 0, accel, scene, memory, frame.options.shadows, n)
 
@@ -232,7 +232,7 @@ def _shade_stage(scene, frame, memory, source, n, depth):
     """Shade the hits of n rays; return (continuing rays, shadow rays, estimates from photons)."""
     tables, light, options = scene.tables, scene.light, frame.options
     like = simd.load(memory.state, 0)
-    kept, asked, gathered = 0, 0, 0
+    path_count, shadow_count, gathered = 0, 0, 0
     for i in range(0, n, crosslane.width(like)):
         active = simd.first_lanes(n - i, like)
         path = _load_path(scene, options, memory, source, i, depth)
@@ -266,13 +266,13 @@ def _shade_stage(scene, frame, memory, source, n, depth):
             path_reuse.add_light(memory.shared, memory.light, slot, sent, bright, depth)
         onward = path_reuse.share_vertex(memory.shared, onward, tables, light.uses, vertex, connection, i, slot, vertices, depth)
         if ops.any_lane(connection.wanted):
-            _push_shadow_ray(memory, asked, slot, connection)
-            asked += simd.count(connection.wanted)
+            _push_shadow_ray(memory, shadow_count, slot, connection)
+            shadow_count += simd.count(connection.wanted)
         gathered = _push_estimate(vertex.gathered, gathered, memory, slot, vertices)
         if ops.any_lane(going):
-            _push_path(memory, 1 - source, kept, onward, (slot, pixel, sample), going)
-            kept += simd.count(going)
-    return kept, asked, gathered
+            _push_path(memory, 1 - source, path_count, onward, (slot, pixel, sample), going)
+            path_count += simd.count(going)
+    return path_count, shadow_count, gathered
 
 
 @helper
@@ -295,22 +295,22 @@ def _load_path(scene: Any, options: Any, memory: Any, source: int, i: int, depth
 
 
 @helper
-def _push_path(memory: Any, target: int, kept: int, onward: PathState, item: Any, going: Lane) -> None:
-    """Store the paths of a mask after `kept` ones of the next depth; `item` is (slot, pixel, sample)."""
-    base, at = target * STATE * ROW + kept, target * ROW + kept
+def _push_path(memory: Any, target: int, first: int, onward: PathState, item: Any, going: Lane) -> None:
+    """Store the paths of a mask after `first` ones of the next depth; `item` is (slot, pixel, sample)."""
+    base, element = target * STATE * ROW + first, target * ROW + first
     compress_store3(memory.state, base, onward.origin, going)
     compress_store3(memory.state, base + 3 * ROW, onward.direction, going)
     compress_store3(memory.state, base + 6 * ROW, onward.weight, going)
     compress_store(memory.state, base + 9 * ROW, onward.density, going)
     compress_store(memory.state, base + 10 * ROW, ops.where(onward.straight, 1.0, onward.phase), going)
-    compress_store3(memory.index, target * 3 * ROW + kept, item, going)
-    store_optional(onward.inside, None, memory.inside, at, going)
-    store_optional(onward.links, None, memory.links, at, going)
-    store_optional(onward.near, None, memory.near, at, going)
-    store_body(onward.body, None, memory.body, target * 4 * ROW + kept, going)
-    store_optional(onward.leaving, None, memory.leaving, at, going)
-    store_optional(onward.divided, None, memory.divided, at, going)
-    store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + kept, going)
+    compress_store3(memory.index, target * 3 * ROW + first, item, going)
+    store_optional(onward.inside, None, memory.inside, element, going)
+    store_optional(onward.links, None, memory.links, element, going)
+    store_optional(onward.near, None, memory.near, element, going)
+    store_body(onward.body, None, memory.body, target * 4 * ROW + first, going)
+    store_optional(onward.leaving, None, memory.leaving, element, going)
+    store_optional(onward.divided, None, memory.divided, element, going)
+    store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + first, going)
 
 
 @helper
@@ -324,46 +324,46 @@ def _add_environment(
         simd.store(memory.light, 3 * ROW + i, 1.0 - less)
     elif ops.any_lane(missed & ((ops.largest(behind) > 0.0) | (less > 0.0))):
         path_reuse.add_light(memory.shared, memory.light, slot, behind, missed, depth)
-        at = slot + 3 * ROW
-        simd.scatter(memory.light, at, simd.gather(memory.light, at, missed) - less, missed)
+        element = slot + 3 * ROW
+        simd.scatter(memory.light, element, simd.gather(memory.light, element, missed) - less, missed)
 
 
 @helper
-def _push_shadow_ray(memory: Any, asked: int, slot: Lane, connection: Connection) -> None:
-    wanted = connection.wanted
-    compress_store3(memory.shadow, asked, connection.origin, wanted)
-    compress_store3(memory.shadow, 3 * ROW + asked, connection.direction, wanted)
-    compress_store(memory.shadow, 6 * ROW + asked, connection.distance, wanted)
-    compress_store3(memory.shadow, 7 * ROW + asked, connection.light, wanted)
-    compress_store(memory.shadow_slot, asked, slot, wanted)
-    store_optional(connection.blockers, None, memory.blockers, asked, wanted)
-    store_optional(connection.inside, None, memory.shadow_inside, asked, wanted)
-    store_body(connection.body, None, memory.shadow_body, asked, wanted)
+def _push_shadow_ray(memory: Any, first: int, slot: Lane, connection: Connection) -> None:
+    valid = connection.wanted
+    compress_store3(memory.shadow, first, connection.origin, valid)
+    compress_store3(memory.shadow, 3 * ROW + first, connection.direction, valid)
+    compress_store(memory.shadow, 6 * ROW + first, connection.distance, valid)
+    compress_store3(memory.shadow, 7 * ROW + first, connection.light, valid)
+    compress_store(memory.shadow_slot, first, slot, valid)
+    store_optional(connection.blockers, None, memory.blockers, first, valid)
+    store_optional(connection.inside, None, memory.shadow_inside, first, valid)
+    store_body(connection.body, None, memory.shadow_body, first, valid)
 
 
 @helper
-def _store_estimate(gathered: photon_map.Gathered, asked: int, memory: Any, slot: Lane, here: Lane) -> int:
-    wanted = here & (ops.largest(gathered.light) > 0.0)
-    if ops.any_lane(wanted):
+def _store_estimate(gathered: photon_map.Gathered, estimate_count: int, memory: Any, slot: Lane, lanes: Lane) -> int:
+    valid = lanes & (ops.largest(gathered.light) > 0.0)
+    if ops.any_lane(valid):
         way = ops.sub(gathered.end, gathered.start)
         bend = ops.along(ops.add(gathered.start, ops.scale(way, 0.5)), ops.normalize(gathered.up), BEND_HEIGHT * ops.length(way))
-        compress_store3(memory.gathered, START * ROW + asked, gathered.start, wanted)
-        compress_store3(memory.gathered, BEND * ROW + asked, bend, wanted)
-        compress_store3(memory.gathered, END * ROW + asked, gathered.end, wanted)
-        compress_store3(memory.gathered, LIGHT * ROW + asked, gathered.light, wanted)
-        compress_store(memory.gathered_slot, asked, slot, wanted)
-        asked += simd.count(wanted)
-    return asked
+        compress_store3(memory.gathered, START * ROW + estimate_count, gathered.start, valid)
+        compress_store3(memory.gathered, BEND * ROW + estimate_count, bend, valid)
+        compress_store3(memory.gathered, END * ROW + estimate_count, gathered.end, valid)
+        compress_store3(memory.gathered, LIGHT * ROW + estimate_count, gathered.light, valid)
+        compress_store(memory.gathered_slot, estimate_count, slot, valid)
+        estimate_count += simd.count(valid)
+    return estimate_count
 
 
 _push_estimate = specialize_if_present(_store_estimate)  # (gathered, asked, …): store estimates after `asked` ones; return their number
 
 
 @helper
-def _add_estimates(photons: Any, plain: Any, accel: Any, scene: Any, frame: Any, memory: Any, n: int, depth: int) -> Any:
+def _add_estimates(photons: Any, default: Any, accel: Any, scene: Any, frame: Any, memory: Any, n: int, depth: int) -> Any:
     if n > 0:
         _add_visible_photons(accel, scene, frame, memory, n, depth)
-    return plain
+    return default
 
 
 _photon_stage = specialize_if_present(_add_estimates)

@@ -37,24 +37,24 @@ _BLEND = 4094  # the random dimension of a surface that chooses among the parts 
 @helper
 def _sample_part(tables: Tables, group: tuple[Surface, Lane], sampler: SampleIndex, seed: int) -> tuple[Surface, Lane]:
     """(surface with a material of its blend, lanes of the group that share this material)."""
-    point, here = group
+    point, lanes = group
     if blend.depth(tables) == 0:
-        return blend.with_material(point, ops.to_int(point.material)), here
+        return blend.with_material(point, ops.to_int(point.material)), lanes
     number = sobol.pair(sampler.pixel, sampler.sample, sampler.key * LIGHT_DIMENSIONS * 2 + _BLEND, seed)[0]
     point = blend.choose_part(tables, point, number)
-    material, here = crosslane.uniform_group(point.material, here)
-    return blend.with_material(point, material), here
+    material, lanes = crosslane.uniform_group(point.material, lanes)
+    return blend.with_material(point, material), lanes
 
 
 _part = blend.if_blended(_sample_part)
 
 
 def radiance(
-    scene: Scene, ray: Ray, hit: Hit, pixel: Lane, sample: Lane, stack: Any, known: Any = None
+    scene: Scene, ray: Ray, hit: Hit, pixel: Lane, sample: Lane, stack: Any, hidden: Any = None
 ) -> tuple[Vec, Lane, Lane]:  # fmt: skip
     """(radiance, coverage, sound) of a camera ray and its hit; radiance that is not finite is 0 and not `sound`.
 
-    `known` is what formula_packets.shadow_rays found of lights. Coverage is less than 1 where a surface lets the ray straight through,
+    `hidden` is what formula_packets.shadow_rays found of lights. Coverage is less than 1 where a surface lets the ray straight through,
     by its opacity or with an index of refraction of 1, to the background.
     """
     tables, options = scene.tables, scene.options
@@ -67,7 +67,7 @@ def radiance(
     alpha = ops.where(seen, alpha, airlight.opacity(options.airlight, alpha, ray.origin, ray.direction, zero + lights.FAR))
     reach = ops.where(seen, hit.t, 0.0)
     weight = (zero + 1.0, zero + 1.0, zero + 1.0)
-    left = ops.int_like(hit.t, options.bounces)
+    remaining = ops.int_like(hit.t, options.bounces)
     kind = zero + STRAIGHT_RAY
     key = ops.int_like(hit.t, 1)
     waiting = ops.int_like(hit.t, 0)  # rays on each lane's stack
@@ -77,19 +77,19 @@ def radiance(
     while True:
         weight = medium_stack.attenuate(inside, weight, tables, reach)
         weight = airlight.transmit(options.airlight, weight, ray.origin, ray.direction, reach)
-        state = RayState(ray.direction, weight, left, kind, inside, key, bits)
-        rest = seen
-        while ops.any_lane(rest):
-            instance, here = crosslane.uniform_group(hit.instance, rest)
+        state = RayState(ray.direction, weight, remaining, kind, inside, key, bits)
+        pending = seen
+        while ops.any_lane(pending):
+            instance, lanes = crosslane.uniform_group(hit.instance, pending)
             group = Hit(hit.t, instance, hit.primitive, hit.u, hit.v)
             point = texture_footprint.on_surface(tables, ray, group, interaction.make_interaction(tables, ray, group), cone)
             sampler = SampleIndex(pixel, sample, key)
-            point, here = _part(tables, (point, here), sampler, options.seed)
+            point, lanes = _part(tables, (point, lanes), sampler, options.seed)
             point = tangent_frame.attach(tables, normal_map.apply_maps(tables, point, group, ray.direction), group)
-            point = interaction.override_interaction(known, point)
-            share, light, waiting = _shade(scene, point, group, here, state, sampler, stack, waiting)
-            total = ops.where3(here, ops.add(total, ops.mul(share, light)), total)
-            rest = rest & ops.not_(here)
+            point = interaction.override_interaction(hidden, point)
+            share, light, waiting = _shade(scene, point, group, lanes, state, sampler, stack, waiting)
+            total = ops.where3(lanes, ops.add(total, ops.mul(share, light)), total)
+            pending = pending & ops.not_(lanes)
         active = waiting > 0
         if ops.not_(ops.any_lane(active)):
             break
@@ -97,8 +97,8 @@ def radiance(
         inside = ray_stack.pop_medium(inside, None, stack, waiting)
         bits = ray_stack.pop_links(options.links, None, stack, waiting)
         cone = texture_footprint.take_cone(cone, None, stack, waiting, ray_stack.CONE)
-        ray, weight, left, kind, key = ray_stack.pop(stack, waiting, ray.time)
-        hit, known = intersect.closest_hit(scene.accel, tables, ray, active, OTHER_RAY), shadow_rays.forget_hidden(known)
+        ray, weight, remaining, kind, key = ray_stack.pop(stack, waiting, ray.time)
+        hit, hidden = intersect.closest_hit(scene.accel, tables, ray, active, OTHER_RAY), shadow_rays.forget_hidden(hidden)
         seen = active & (hit.instance >= 0)
         reach = ops.where(seen, hit.t, 0.0)
         total, weight = airlight.after_bounce(options.airlight, (total, weight), tables, ray, reach, active, seen)
@@ -112,20 +112,20 @@ def radiance(
 
 @helper
 def _shade(
-    scene: Scene, point: Surface, hit: Hit, here: Lane, ray: RayState, sampler: SampleIndex, stack: Any, waiting: Lane
+    scene: Scene, point: Surface, hit: Hit, lanes: Lane, ray: RayState, sampler: SampleIndex, stack: Any, waiting: Lane
 ) -> tuple[Vec, Vec, Lane]:
     """(weight, light, rays on the stack) of the surfaces that a mask's lanes hit, with their secondary rays on the stack."""
     accel = scene.accel
     shading = ShadingContext(point, evaluate_shader_inside(scene.tables, point, ray.inside), ops.negate(ray.direction), ray.inside)
-    light = direct_light.local_light(scene, shading, hit, here, ray.kind >= SPECULAR_RAY, sampler, ray.links)
+    light = direct_light.local_light(scene, shading, hit, lanes, ray.kind >= SPECULAR_RAY, sampler, ray.links)
     coverage = ray_stack.coverage_of(accel, scene, point, ray.left, sampler, stack, waiting)
     share = ops.scale(ray.weight, coverage)
-    going = here & (ray.left > 0)
+    going = lanes & (ray.left > 0)
     if ops.any_lane(going):
         visible = RayState(ray.direction, share, ray.left, ray.kind, ray.inside, ray.key, ray.links)
         waiting = ray_stack.spawn_secondary_rays(scene, shading, visible, going, sampler, stack, waiting)
     light = background.add_specular_environment(scene.options.environment, light, scene, point, shading.shader, ray.direction)
-    waiting = ray_stack.continue_through(waiting, accel, point, ray, coverage, here, stack)
+    waiting = ray_stack.continue_through(waiting, accel, point, ray, coverage, lanes, stack)
     return share, light, waiting
 
 
@@ -141,11 +141,11 @@ def _escape(
     return behind, alpha
 
 
-def _radiance(tables, accel, vertex_light, options, ray, hit, index, stack, known):
+def _radiance(tables, accel, vertex_light, options, ray, hit, index, stack, hidden):
     origin, direction, time = ray
     t, instance, primitive, u, v = hit
     ray = Ray(origin, direction, 0.0 * t, 0.0 * t + np.inf, time)
-    return _traced(Scene(tables, accel, vertex_light, options), ray, Hit(t, instance, primitive, u, v), index[0], index[1], stack, known)
+    return _traced(Scene(tables, accel, vertex_light, options), ray, Hit(t, instance, primitive, u, v), index[0], index[1], stack, hidden)
 
 
 _traced = helper(radiance)
@@ -155,11 +155,11 @@ _call = linked.call
 
 @helper
 def linked_radiance(
-    frame: Any, tables: Tables, accel: Any, vertex_light: Any, ray: Ray, hit: Hit, pixel: Lane, sample: Lane, stack: Any, known: Any
+    frame: Any, tables: Tables, accel: Any, vertex_light: Any, ray: Ray, hit: Hit, pixel: Lane, sample: Lane, stack: Any, hidden: Any
 ) -> tuple[Vec, Lane, Lane]:
     """In kernels: `radiance` by the address in the frame, see `link`."""
-    start, met = (ray.origin, ray.direction, ray.time), (hit.t, hit.instance, hit.primitive, hit.u, hit.v)
-    return _call(frame.radiance, (tables, accel, vertex_light, frame.options, start, met, (pixel, sample), stack, known))  # pyright: ignore[reportCallIssue]
+    start, packed_hit = (ray.origin, ray.direction, ray.time), (hit.t, hit.instance, hit.primitive, hit.u, hit.v)
+    return _call(frame.radiance, (tables, accel, vertex_light, frame.options, start, packed_hit, (pixel, sample), stack, hidden))  # pyright: ignore[reportCallIssue]
 
 
 def link(frame: Handle, tables: Handle, accel: Handle, vertex_light: Handle, has_known: bool = False) -> None:
@@ -170,6 +170,6 @@ def link(frame: Handle, tables: Handle, accel: Handle, vertex_light: Handle, has
 def kinds(frame: Handle, tables: Handle, accel: Handle, vertex_light: Handle, has_known: bool) -> tuple[ValueType, ...]:
     """Types of the arguments of `_radiance`."""
     packed = tables.type, accel.type, vertex_light.type, frame.part("options")
-    time, known = FLOAT if instance_transform.is_open(frame.part("shutter")) else NONE, INT if has_known else NONE
+    time, hidden = FLOAT if instance_transform.is_open(frame.part("shutter")) else NONE, INT if has_known else NONE
     ray, hit = tuple_of(VEC, VEC, time), tuple_of(FLOAT, INT, INT, FLOAT, FLOAT)
-    return (*packed, ray, hit, tuple_of(INT, INT), array_type(np.float64, 3), known)
+    return (*packed, ray, hit, tuple_of(INT, INT), array_type(np.float64, 3), hidden)

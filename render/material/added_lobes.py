@@ -40,8 +40,8 @@ class AddedLobe(NamedTuple):
 
 def tables_of(tables: ir.Tables, general: bool = False) -> Added | NotAdded:
     """Added if a material of an instance has a lobe of its own, or with `general`, if there is any such lobe."""
-    found = bool((traits.added(tables) & traits.used(tables)).any())
-    return Added(len(ADDED)) if ADDED and (general or found) else NotAdded()
+    has_lobes = bool((traits.added(tables) & traits.used(tables)).any())
+    return Added(len(ADDED)) if ADDED and (general or has_lobes) else NotAdded()
 
 
 def _make(head: str, before: Sequence[str], branch: Sequence[str], after: str) -> Any:
@@ -125,38 +125,38 @@ def at(tables: Tables, surface: Surface) -> Any:
 
 @overload(at)
 def _at_in_kernels(tables, surface):
-    found = tables.field("materials.added") if isinstance(tables, HandleType) else None
-    if found is not None and found[1] != ():
+    field = tables.field("materials.added") if isinstance(tables, HandleType) else None
+    if field is not None and field[1] != ():
         return lambda tables, surface: _at(tables, surface)
     return lambda tables, surface: None
 
 
 @helper
-def _sample(added: Any, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
-    """(direction, weight) of a sample of the lobe, where there is one; `plain` elsewhere."""
+def _sample(added: Any, default: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+    """(direction, weight) of a sample of the lobe, where there is one; `default` elsewhere."""
     zero = 0.0 * normal[0]
-    direction = _draw(added, plain[0], normal, to_viewer, u, v, zero)
+    direction = _draw(added, default[0], normal, to_viewer, u, v, zero)
     share = _value(added, (zero, zero, zero), normal, direction, to_viewer)
-    whole, chance = _density(added, zero, normal, direction, to_viewer), _chance(added, zero, normal, to_viewer)
-    share = ops.scale(share, chance / ops.maximum(math.pi * whole, lights.TINY))
-    here = _or_has(added, ops.bool_like(zero, False))
-    return ops.where3(here, direction, plain[0]), ops.where3(here, share, plain[1])
+    density, chance = _density(added, zero, normal, direction, to_viewer), _chance(added, zero, normal, to_viewer)
+    share = ops.scale(share, chance / ops.maximum(math.pi * density, lights.TINY))
+    has_lobe = _or_has(added, ops.bool_like(zero, False))
+    return ops.where3(has_lobe, direction, default[0]), ops.where3(has_lobe, share, default[1])
 
 
 @helper
 def _sample_beside(
-    added: Any, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, factor: float
+    added: Any, default: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, factor: float
 ) -> tuple[Vec, Vec]:  # fmt: skip
-    """(direction, weight) of the diffuse lobe `plain` or of the lobe beside it, by their albedos; times a factor."""
-    matt, lobe = ops.mean3(plain[1]), factor * _chance(added, 0.0 * which, normal, to_viewer)
-    whole = matt + lobe
-    taken = which * whole >= matt
-    direction, share = _sample(added, plain, normal, to_viewer, u, v)
-    scale = factor * whole / ops.maximum(lobe, lights.TINY)
-    here = _or_has(added, ops.bool_like(which, False))
-    light = ops.scale(plain[1], ops.where(here, whole / ops.maximum(matt, lights.TINY), 1.0))
-    taken = here & taken
-    return ops.where3(taken, direction, plain[0]), ops.where3(taken, ops.scale(share, scale), light)
+    """(direction, weight) of the diffuse lobe `default` or of the lobe beside it, by their albedos; times a factor."""
+    diffuse, lobe = ops.mean3(default[1]), factor * _chance(added, 0.0 * which, normal, to_viewer)
+    total = diffuse + lobe
+    takes_lobe = which * total >= diffuse
+    direction, share = _sample(added, default, normal, to_viewer, u, v)
+    scale = factor * total / ops.maximum(lobe, lights.TINY)
+    has_lobe = _or_has(added, ops.bool_like(which, False))
+    light = ops.scale(default[1], ops.where(has_lobe, total / ops.maximum(diffuse, lights.TINY), 1.0))
+    takes_lobe = has_lobe & takes_lobe
+    return ops.where3(takes_lobe, direction, default[0]), ops.where3(takes_lobe, ops.scale(share, scale), light)
 
 
 sample_lobe = specialize_if_present(_sample)  # see there

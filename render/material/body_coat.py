@@ -101,15 +101,15 @@ def _enters(coat: Coat, out: microfacet.Albedos) -> Lane:
 
 
 @helper
-def _reflected(coat: Coat, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+def _reflected(coat: Coat, default: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     all_, out = microfacet.viewer_albedo(coat.lobes, normal, to_viewer)
     shine = microfacet.eval_lobes(coat.lobes, normal, to_light, to_viewer, out, all_).highlight
     shine = ops.scale(shine, ops.where(coat.front, 1.0 + 0.0 * out.lost, 0.0))
-    return ops.where3(coat.here, ops.add(shine, ops.scale(plain, _passes(coat, out, all_, normal, to_light))), plain)
+    return ops.where3(coat.here, ops.add(shine, ops.scale(default, _passes(coat, out, all_, normal, to_light))), default)
 
 
 @helper
-def _density(coat: Coat, plain: Lane, added: Any, normal: Vec, to_light: Vec, to_viewer: Vec, mirror: Lane) -> Lane:
+def _density(coat: Coat, default: Lane, added: Any, normal: Vec, to_light: Vec, to_viewer: Vec, mirror: Lane) -> Lane:
     all_, out = microfacet.viewer_albedo(coat.lobes, normal, to_viewer)
     lobes = microfacet.eval_lobes(coat.lobes, normal, to_light, to_viewer, out, all_)
     chance = microfacet.chances(coat.lobes, all_, out)
@@ -117,19 +117,19 @@ def _density(coat: Coat, plain: Lane, added: Any, normal: Vec, to_light: Vec, to
     glossy = seen * (chance.highlight * lobes.highlight_density + chance.again * lobes.again_density)
     through = added_lobes.density(added, zero, normal, to_light, to_viewer) * _enters(coat, out)
     total = seen * (chance.highlight + chance.again) + added_lobes.chance(added, zero, normal, to_viewer) * _enters(coat, out)
-    return ops.where(coat.here, (glossy + through) / ops.maximum(total + mirror, LEAST), plain)
+    return ops.where(coat.here, (glossy + through) / ops.maximum(total + mirror, LEAST), default)
 
 
 @helper
-def _whole(coat: Coat, plain: Lane, added: Any, normal: Vec, to_viewer: Vec) -> Lane:
+def _whole(coat: Coat, default: Lane, added: Any, normal: Vec, to_viewer: Vec) -> Lane:
     all_, out = microfacet.viewer_albedo(coat.lobes, normal, to_viewer)
     chance = microfacet.chances(coat.lobes, all_, out)
-    through = added_lobes.chance(added, 0.0 * plain, normal, to_viewer) * _enters(coat, out)
-    return ops.where(coat.here, through + ops.where(coat.front, chance.highlight + chance.again, 0.0), plain)
+    through = added_lobes.chance(added, 0.0 * default, normal, to_viewer) * _enters(coat, out)
+    return ops.where(coat.here, through + ops.where(coat.front, chance.highlight + chance.again, 0.0), default)
 
 
 @helper
-def _draw(coat: Coat, plain: tuple[Vec, Lane], added: Any, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Any:
+def _draw(coat: Coat, default: tuple[Vec, Lane], added: Any, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Any:
     all_, out = microfacet.viewer_albedo(coat.lobes, normal, to_viewer)
     chance = microfacet.chances(coat.lobes, all_, out)
     past = which - added_lobes.chance(added, 0.0 * which, normal, to_viewer) * _enters(coat, out)
@@ -137,19 +137,19 @@ def _draw(coat: Coat, plain: tuple[Vec, Lane], added: Any, normal: Vec, to_viewe
     half = microfacet.sample_visible_normal(normal, to_viewer, ops.where(past < chance.highlight, coat.lobes.alpha, wide), u, v)
     shines, mirrored = coat.front & (past >= 0.0), ops.reflect(ops.negate(to_viewer), half)
     sinks = shines & (ops.dot(mirrored, normal) <= 0.0)  # they do not count: what passes has other samples there
-    return ops.where3(shines, mirrored, plain[0]), plain[1] & ops.not_(sinks)
+    return ops.where3(shines, mirrored, default[0]), default[1] & ops.not_(sinks)
 
 
 @helper
-def _specular_reflectance(coat: Coat, plain: Vec, normal: Vec, to_viewer: Vec) -> Vec:
+def _specular_reflectance(coat: Coat, default: Vec, normal: Vec, to_viewer: Vec) -> Vec:
     cosine = ops.clip(ops.dot(normal, to_viewer), 0.0, 1.0)
-    return ops.where3(coat.lobes.sharp, microfacet.fresnel(coat.lobes, cosine), plain)
+    return ops.where3(coat.lobes.sharp, microfacet.fresnel(coat.lobes, cosine), default)
 
 
 @helper
-def _mirrors(coat: Coat, plain: Vec) -> Vec:
-    zero = 0.0 * plain[0]
-    return ops.where3(coat.lobes.sharp, ops.lerp3(coat.lobes.f0, (zero + 1.0, zero + 1.0, zero + 1.0), zero + 0.05), plain)
+def _mirrors(coat: Coat, default: Vec) -> Vec:
+    zero = 0.0 * default[0]
+    return ops.where3(coat.lobes.sharp, ops.lerp3(coat.lobes.f0, (zero + 1.0, zero + 1.0, zero + 1.0), zero + 0.05), default)
 
 
 @helper

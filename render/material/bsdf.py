@@ -36,17 +36,17 @@ def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -
     """`reflected` as (share of diffuse and classic lobes, share of glossy lobes, solid angle density of `sample_lobe`)."""
     none = 0.0 * normal[0]
     light = added_lobes.value(shader.added, phong.reflected_classic(shader, normal, to_light, to_viewer), normal, to_light, to_viewer)
-    plain = light, (none, none, none), none
-    found = microfacet.eval_lobes_pdf(shader.lobes, plain, normal, to_light, to_viewer)
-    found = openpbr.eval_lobes_pdf(shader.slabs, found, normal, to_light, to_viewer)
-    return rough_dielectric.eval_lobes_pdf(shader.frost, found, normal, to_light, to_viewer)
+    classic = light, (none, none, none), none
+    values = microfacet.eval_lobes_pdf(shader.lobes, classic, normal, to_light, to_viewer)
+    values = openpbr.eval_lobes_pdf(shader.slabs, values, normal, to_light, to_viewer)
+    return rough_dielectric.eval_lobes_pdf(shader.frost, values, normal, to_light, to_viewer)
 
 
 @helper
 def is_lit(shader: Shader) -> Lane:
     """Whether it reflects or transmits the light of lights: not only specular."""
-    plain = added_lobes.or_has(shader.added, ops.largest(shader.diffuse) + ops.largest(shader.specular) > 0.0)
-    return rough_dielectric.or_rough(shader.frost, openpbr.or_slabs(shader.slabs, reflects(shader.lobes, plain)))
+    classic = added_lobes.or_has(shader.added, ops.largest(shader.diffuse) + ops.largest(shader.specular) > 0.0)
+    return rough_dielectric.or_rough(shader.frost, openpbr.or_slabs(shader.slabs, reflects(shader.lobes, classic)))
 
 
 @helper
@@ -56,8 +56,8 @@ def has_matt(shader: Shader) -> Lane:
 
 
 @helper
-def _has_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    return plain | (lobes.here & sheen.or_has(lobes.sheen, ops.largest(lobes.base) > 0.0))
+def _has_base(lobes: microfacet.Lobes, default: Lane) -> Lane:
+    return default | (lobes.here & sheen.or_has(lobes.sheen, ops.largest(lobes.base) > 0.0))
 
 
 has_base = specialize_if_present(_has_base)
@@ -71,9 +71,9 @@ def is_polished(shader: Shader) -> Lane:
 
 
 @helper
-def _narrow(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    matt = sheen.or_has(lobes.sheen, ops.largest(lobes.base) > 0.0)
-    alone = ops.not_(matt) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA))
+def _narrow(lobes: microfacet.Lobes, default: Lane) -> Lane:
+    has_base = sheen.or_has(lobes.sheen, ops.largest(lobes.base) > 0.0)
+    alone = ops.not_(has_base) & ((lobes.coat <= 0.0) | (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA))
     return lobes.here & ops.not_(lobes.sharp) & alone & (lobes.alpha <= MAX_CAUSTIC_ALPHA)
 
 
@@ -94,11 +94,11 @@ def has_bright_narrow_lobe(shader: Shader) -> Lane:
 
 
 @helper
-def _bright(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+def _bright(lobes: microfacet.Lobes, default: Lane) -> Lane:
     bright = (lobes.alpha <= MAX_CAUSTIC_ALPHA) & (4.0 * lobes.alpha * lobes.alpha <= ops.largest(lobes.f0))
     coated = (lobes.coat_alpha <= MAX_CAUSTIC_ALPHA) & (4.0 * lobes.coat_alpha * lobes.coat_alpha <= microfacet.COAT * lobes.coat)
-    found = ops.not_(lobes.sharp) & (ops.largest(lobes.base) > 0.0) & (bright | coated)
-    return ops.where(lobes.here, found, plain)
+    is_bright = ops.not_(lobes.sharp) & (ops.largest(lobes.base) > 0.0) & (bright | coated)
+    return ops.where(lobes.here, is_bright, default)
 
 
 _have_bright_lobe = specialize_if_present(_bright)
@@ -112,9 +112,9 @@ def has_narrow_lobe(shader: Shader) -> Lane:
 
 
 @helper
-def _narrow_over_base(lobes: microfacet.Lobes, plain: Lane) -> Lane:
+def _narrow_over_base(lobes: microfacet.Lobes, default: Lane) -> Lane:
     narrow = (lobes.alpha <= NARROW) | ((lobes.coat > 0.0) & (lobes.coat_alpha <= NARROW))
-    return ops.where(lobes.here, narrow & (ops.largest(lobes.base) > 0.0), plain)
+    return ops.where(lobes.here, narrow & (ops.largest(lobes.base) > 0.0), default)
 
 
 _have_narrow_lobe = specialize_if_present(_narrow_over_base)
@@ -124,9 +124,9 @@ _have_narrow_lobe = specialize_if_present(_narrow_over_base)
 def eval_diffuse(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """Return the diffuse part of `reflected`."""
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)
-    plain = ops.scale(microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer), cosine)
-    plain = added_lobes.value(shader.added, plain, normal, to_light, to_viewer)
-    return openpbr.eval_matt(shader.slabs, plain, normal, to_light, to_viewer)
+    diffuse = ops.scale(microfacet.matt_share(shader.lobes, shader.diffuse, normal, to_light, to_viewer), cosine)
+    diffuse = added_lobes.value(shader.added, diffuse, normal, to_light, to_viewer)
+    return openpbr.eval_matt(shader.slabs, diffuse, normal, to_light, to_viewer)
 
 
 @helper
@@ -150,8 +150,8 @@ def has_more_than_diffuse(shader: Shader) -> Lane:
 
 
 @helper
-def _reflects(lobes: microfacet.Lobes, plain: Lane) -> Lane:
-    return plain | lobes.here
+def _reflects(lobes: microfacet.Lobes, default: Lane) -> Lane:
+    return default | lobes.here
 
 
 reflects = specialize_if_present(_reflects)
@@ -160,9 +160,9 @@ reflects = specialize_if_present(_reflects)
 @helper
 def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
     """(direction, weight) of a sample of the highlight: `weight` is the share of its radiance that goes to the viewer."""
-    plain = microfacet.sample_shine(shader.lobes, phong.sample_classic_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
-    plain = openpbr.sample(shader.slabs, plain, normal, to_viewer, u, v, which, False)
-    return rough_dielectric.sample(shader.frost, plain, normal, to_viewer, u, v, which)
+    classic = microfacet.sample_shine(shader.lobes, phong.sample_classic_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
+    classic = openpbr.sample(shader.slabs, classic, normal, to_viewer, u, v, which, False)
+    return rough_dielectric.sample(shader.frost, classic, normal, to_viewer, u, v, which)
 
 
 @helper
@@ -171,11 +171,11 @@ def sample_glossy_or_diffuse(
 ) -> tuple[Vec, Vec]:
     """(direction, weight) of one ray for all lobes that are not specular; the diffuse lobe only with interreflection."""
     factor = 1.0 if interreflection else 0.0
-    plain = lights.cosine_sample(normal, u, v)[0], ops.scale(shader.diffuse, factor)
-    plain = added_lobes.sample_beside_diffuse(shader.added, plain, normal, to_viewer, u, v, which, factor)
-    plain = microfacet.sample_all(shader.lobes, plain, normal, to_viewer, u, v, which, interreflection)
-    plain = openpbr.sample(shader.slabs, plain, normal, to_viewer, u, v, which, interreflection)
-    return rough_dielectric.sample(shader.frost, plain, normal, to_viewer, u, v, which)
+    sampled = lights.cosine_sample(normal, u, v)[0], ops.scale(shader.diffuse, factor)
+    sampled = added_lobes.sample_beside_diffuse(shader.added, sampled, normal, to_viewer, u, v, which, factor)
+    sampled = microfacet.sample_all(shader.lobes, sampled, normal, to_viewer, u, v, which, interreflection)
+    sampled = openpbr.sample(shader.slabs, sampled, normal, to_viewer, u, v, which, interreflection)
+    return rough_dielectric.sample(shader.frost, sampled, normal, to_viewer, u, v, which)
 
 
 @helper
@@ -191,16 +191,16 @@ def relative_index(shader: Shader, plain: Lane) -> Lane:
 
 
 @helper
-def is_rough_glass(shader: Shader, plain: Lane) -> Lane:
-    """Return `plain`, or True for rough glass."""
-    return rough_dielectric.or_rough(shader.frost, plain)
+def is_rough_glass(shader: Shader, default: Lane) -> Lane:
+    """Return `default`, or True for rough glass."""
+    return rough_dielectric.or_rough(shader.frost, default)
 
 
 @helper
-def scatters_through(shader: Shader, plain: Lane) -> Lane:
-    """Return `plain`, or True for what scatters light to its other side: rough glass and translucent sheets."""
-    plain = openpbr.or_through(shader.slabs, added_lobes.or_through(shader.added, plain))
-    return rough_dielectric.or_rough(shader.frost, plain)
+def scatters_through(shader: Shader, default: Lane) -> Lane:
+    """Return `default`, or True for what scatters light to its other side: rough glass and translucent sheets."""
+    default = openpbr.or_through(shader.slabs, added_lobes.or_through(shader.added, default))
+    return rough_dielectric.or_rough(shader.frost, default)
 
 
 @helper
@@ -222,8 +222,8 @@ def have_facets(shader: Any) -> bool:
 
 @overload(has_facets)
 def _has_facets(shader):
-    found = have_facets(shader)
-    return lambda shader: found
+    facets = have_facets(shader)
+    return lambda shader: facets
 
 
 @helper
@@ -247,11 +247,11 @@ class Scattered(NamedTuple):
 @helper
 def _chances(shader: Shader, uses: Uses) -> tuple[Lane, Lane]:
     """Return the unnormalized probabilities of the diffuse lobe and the highlight: their reflectances."""
-    matt = ops.mean3(shader.diffuse)
+    diffuse = ops.mean3(shader.diffuse)
     if ops.not_(uses.glossy):
-        return matt, 0.0 * matt
-    of_lobe = ops.where(shader.normalized, 0.0 * matt + 1.0, 2.0 / (shader.shininess + 1.0))
-    return matt, ops.mean3(shader.specular) * of_lobe
+        return diffuse, 0.0 * diffuse
+    of_lobe = ops.where(shader.normalized, 0.0 * diffuse + 1.0, 2.0 / (shader.shininess + 1.0))
+    return diffuse, ops.mean3(shader.specular) * of_lobe
 
 
 @helper
@@ -262,11 +262,11 @@ def diffuse_part(shader: Shader, uses: Uses, normal: Vec, to_viewer: Vec) -> tup
     """
     albedo, chance = shader.diffuse, 0.0 * shader.ior + 1.0
     if uses.glossy or uses.sharp:
-        matt, shiny = _chances(shader, uses)
-        sharp = 0.0 * matt
+        diffuse, glossy = _chances(shader, uses)
+        sharp = 0.0 * diffuse
         if uses.sharp:
             sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
-        chance = matt / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
+        chance = diffuse / ops.maximum(added_lobes.chance(shader.added, diffuse + glossy + sharp, normal, to_viewer), lights.TINY)
         albedo, chance = microfacet.diffuse_part(shader.lobes, (albedo, chance), normal, to_viewer, sharp)
         albedo, chance = openpbr.diffuse_part(shader.slabs, (albedo, chance), normal, to_viewer)
         glass, zero = is_rough_glass(shader, ops.bool_like(shader.ior, False)), 0.0 * shader.ior
@@ -280,16 +280,16 @@ def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_vie
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)
     share, density = ops.scale(shader.diffuse, cosine), cosine * (1.0 / math.pi)
     if uses.glossy or uses.sharp:
-        matt, shiny = _chances(shader, uses)
+        diffuse, glossy = _chances(shader, uses)
         share = reflected(shader, normal, to_light, to_viewer)
-        density = density * matt
+        density = density * diffuse
         if uses.glossy:
-            density = density + shiny * ops.where(cosine > 0.0, phong.lobe_density(shader, normal, to_light, to_viewer), 0.0)
+            density = density + glossy * ops.where(cosine > 0.0, phong.lobe_density(shader, normal, to_light, to_viewer), 0.0)
         density = added_lobes.density(shader.added, density, normal, to_light, to_viewer)
-        sharp = 0.0 * matt
+        sharp = 0.0 * diffuse
         if uses.sharp:
             sharp = ops.mean3(shader.reflection) + ops.mean3(shader.transmission)
-        density = density / ops.maximum(added_lobes.chance(shader.added, matt + shiny + sharp, normal, to_viewer), lights.TINY)
+        density = density / ops.maximum(added_lobes.chance(shader.added, diffuse + glossy + sharp, normal, to_viewer), lights.TINY)
         share, density = microfacet.eval_pdf(shader.lobes, (share, density), normal, to_light, to_viewer, sharp)
         density = body_coat.density(shader.coat, density, shader.added, normal, to_light, to_viewer, sharp)
         share, density = openpbr.eval_pdf(shader.slabs, (share, density), normal, to_light, to_viewer)
@@ -306,30 +306,30 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
     through = ops.bool_like(zero, False)
     weight, density = shader.diffuse, cosine * (1.0 / math.pi)
     if uses.glossy or uses.sharp:
-        matt, shiny = _chances(shader, uses)
+        diffuse, glossy = _chances(shader, uses)
         mirror, clear = zero, zero
         if uses.sharp:
             mirror, clear = ops.mean3(shader.reflection), ops.mean3(shader.transmission)
-        classic = added_lobes.chance(shader.added, matt + shiny, normal, to_viewer)
+        classic = added_lobes.chance(shader.added, diffuse + glossy, normal, to_viewer)
         blunt = body_coat.whole(shader.coat, microfacet.whole(shader.lobes, classic, normal, to_viewer), shader.added, normal, to_viewer)
         blunt = rough_dielectric.one(shader.frost, openpbr.one(shader.slabs, blunt))
-        whole = ops.maximum(blunt + mirror + clear, lights.TINY)
-        which = which * whole
+        total = ops.maximum(blunt + mirror + clear, lights.TINY)
+        which = which * total
         if uses.glossy:
-            lobed = (which >= matt) & (which < matt + shiny)
+            lobed = (which >= diffuse) & (which < diffuse + glossy)
             if ops.any_lane(lobed):
                 direction = ops.where3(lobed, phong.sample_classic_lobe(shader, normal, to_viewer, u, v)[0], direction)
-        direction = added_lobes.draw(shader.added, direction, normal, to_viewer, u, v, which - matt - shiny)
+        direction = added_lobes.draw(shader.added, direction, normal, to_viewer, u, v, which - diffuse - glossy)
         direction = microfacet.draw(shader.lobes, direction, normal, to_viewer, u, v, which)
         drawn = body_coat.draw(shader.coat, (direction, ops.bool_like(zero, True)), shader.added, normal, to_viewer, u, v, which)
         drawn = openpbr.draw(shader.slabs, drawn, normal, to_viewer, u, v, which)
-        direction, meant = rough_dielectric.draw(shader.frost, drawn, normal, to_viewer, u, v, which)
+        direction, is_valid = rough_dielectric.draw(shader.frost, drawn, normal, to_viewer, u, v, which)
         share, density = eval_bsdf_pdf(shader, uses, normal, direction, to_viewer)
-        weight = ops.scale(share, ops.where(meant, 1.0 / (math.pi * ops.maximum(density, lights.TINY)), 0.0))
+        weight = ops.scale(share, ops.where(is_valid, 1.0 / (math.pi * ops.maximum(density, lights.TINY)), 0.0))
         if uses.sharp:
             sharp = which >= blunt
             if ops.any_lane(sharp):
-                direction, weight, through = _sample_specular(shader, point, to_viewer, direction, weight, which - blunt, whole, sharp)
+                direction, weight, through = _sample_specular(shader, point, to_viewer, direction, weight, which - blunt, total, sharp)
                 density = ops.where(sharp, zero + ONLY, density)
     sinks = (ops.dot(direction, point.geometric) <= 0.0) & (density < ONLY)
     sinks = sinks & ops.not_(scatters_through(shader, ops.bool_like(zero, False)))
@@ -339,7 +339,7 @@ def sample_bsdf(shader: Shader, uses: Uses, point: Surface, to_viewer: Vec, u: L
 
 @helper
 def _sample_specular(
-    shader: Shader, point: Surface, to_viewer: Vec, direction: Vec, weight: Vec, which: Lane, whole: Lane, here: Lane
+    shader: Shader, point: Surface, to_viewer: Vec, direction: Vec, weight: Vec, which: Lane, total: Lane, lanes: Lane
 ) -> tuple[Vec, Vec, Lane]:
     """(direction, weight, straight through) where the specular lobes were chosen; `which` counts from their start."""
     arriving = ops.negate(to_viewer)
@@ -351,10 +351,10 @@ def _sample_specular(
     mirrored = ops.reflect(arriving, point.normal)
     outside = ops.dot(mirrored, point.geometric) > 0.0  # an interpolated normal may mirror a grazing ray into the surface
     mirrored = ops.where3(outside, mirrored, ops.reflect(arriving, point.geometric))
-    chance = ops.where(back, bounce, both - bounce) / both * (mirror + clear) / whole
-    given = ops.scale(ops.where3(back, reflection, transmission), 1.0 / ops.maximum(chance, lights.TINY))
-    through = here & ops.not_(back) & (shader.ior == 1.0)
-    return ops.where3(here, ops.where3(back, mirrored, refracted), direction), ops.where3(here, given, weight), through
+    chance = ops.where(back, bounce, both - bounce) / both * (mirror + clear) / total
+    factor = ops.scale(ops.where3(back, reflection, transmission), 1.0 / ops.maximum(chance, lights.TINY))
+    through = lanes & ops.not_(back) & (shader.ior == 1.0)
+    return ops.where3(lanes, ops.where3(back, mirrored, refracted), direction), ops.where3(lanes, factor, weight), through
 
 
 @helper

@@ -55,15 +55,15 @@ def directional_albedo(table: Albedo, cosine: Lane, alpha: Lane) -> tuple[Lane, 
     """(E, B) at a cosine from 0 to 1 and a roughness α."""
     row, part = row_of(alpha, ROWS)
     column = column_of(cosine, alpha) * (COLUMNS - 1.0)
-    left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
-    x = column - ops.to_float(left)
-    e, b, e_next, b_next = row_gather.four_at(table.each, row * COLUMNS + left)
-    e_below, b_below, e_last, b_last = row_gather.four_at(table.each, (row + 1) * COLUMNS + left)
-    whole = ops.lerp(ops.lerp(e, e_next, x), ops.lerp(e_below, e_last, x), part)
+    cell = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(cell)
+    e, b, e_next, b_next = row_gather.four_at(table.each, row * COLUMNS + cell)
+    e_below, b_below, e_last, b_last = row_gather.four_at(table.each, (row + 1) * COLUMNS + cell)
+    albedo = ops.lerp(ops.lerp(e, e_next, x), ops.lerp(e_below, e_last, x), part)
     more = ops.lerp(ops.lerp(b, b_next, x), ops.lerp(b_below, b_last, x), part)
     away = 1.0 - cosine
     squared = away * away
-    return whole, ops.clip(more + squared * squared * away * whole, 0.0, whole)
+    return albedo, ops.clip(more + squared * squared * away * albedo, 0.0, albedo)
 
 
 @helper
@@ -71,10 +71,10 @@ def further_bounces(table: Albedo, cosine: Lane, alpha: Lane) -> Lane:
     """Return h at a cosine from 0 to 1 and a roughness α: the lobe of further bounces has the reflectance h h."""
     row, part = row_of(alpha, ROWS)
     column = column_of(cosine, alpha) * (COLUMNS - 1.0)
-    left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
-    x = column - ops.to_float(left)
-    one, next_, below, last = row_gather.four_at(table.again, row * COLUMNS + left)
-    return ops.lerp(ops.lerp(one, next_, x), ops.lerp(below, last, x), part)
+    cell = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(cell)
+    first, next_, below, last = row_gather.four_at(table.again, row * COLUMNS + cell)
+    return ops.lerp(ops.lerp(first, next_, x), ops.lerp(below, last, x), part)
 
 
 @helper
@@ -106,8 +106,8 @@ def mean_after_two(alpha: Lane) -> tuple[Lane, Lane]:
 def means(table: Albedo, alpha: Lane) -> tuple[Lane, Lane, Lane]:
     """(mean of E, mean of B, standard deviation of B) over the hemisphere, weighted by the cosine."""
     row, part = row_of(alpha, ROWS)
-    one, next_ = row_gather.four_at(table.mean, row), row_gather.four_at(table.mean, row + 1)
-    return ops.lerp(one[0], next_[0], part), ops.lerp(one[1], next_[1], part), ops.lerp(one[2], next_[2], part)
+    lower, upper = row_gather.four_at(table.mean, row), row_gather.four_at(table.mean, row + 1)
+    return ops.lerp(lower[0], upper[0], part), ops.lerp(lower[1], upper[1], part), ops.lerp(lower[2], upper[2], part)
 
 
 @helper
@@ -142,12 +142,12 @@ def table() -> Albedo:
     mu = np.broadcast_to(0.5 * (nodes + 1.0), (ROWS, 64))
     rows = np.repeat(alpha, 64)
     again, after = _scaling(alpha, cosine, np.maximum(1.0 - e, 0.0))
-    made = Albedo(np.ascontiguousarray(each), np.zeros((ROWS, 4)), again, after, further.table())
-    at_nodes = [x.reshape(ROWS, 64) for x in directional_albedo(made, mu.ravel(), rows)]
+    albedo = Albedo(np.ascontiguousarray(each), np.zeros((ROWS, 4)), again, after, further.table())
+    at_nodes = [x.reshape(ROWS, 64) for x in directional_albedo(albedo, mu.ravel(), rows)]
     mean_e, mean_b, mean_b2 = ((x * mu) @ weights for x in (*at_nodes, at_nodes[1] ** 2))
     deviation = np.sqrt(np.maximum(mean_b2 - mean_b**2, 0.0))
     mean_e, mean_b = mean_e - np.minimum(ROUNDED, 0.05 * (1.0 - mean_e)), np.maximum(mean_b - ROUNDED, 0.0)
-    return made._replace(mean=np.ascontiguousarray(np.stack([mean_e, mean_b, deviation, 0.0 * deviation], axis=-1)))
+    return albedo._replace(mean=np.ascontiguousarray(np.stack([mean_e, mean_b, deviation, 0.0 * deviation], axis=-1)))
 
 
 def unused_table() -> Albedo:
@@ -167,9 +167,9 @@ def _scaling(alpha: F64, cosine: F64, lost: F64) -> tuple[F64, F64]:
         up = np.minimum((0.5 * (out + cosine[row][:, None, None]) / np.maximum(1.0 - away, 1e-12)) ** 2, 1.0)
         y = wide * wide * up / (1.0 - up + wide * wide * up)
         factor, s, v, c = further.of_row(pairs, np.linspace(0.0, 1.0, COLUMNS)[:, None, None], into, float(alpha[row]), y)
-        left = np.minimum((into * (COLUMNS - 1.0)).astype(np.int64), COLUMNS - 2)
-        part = into * (COLUMNS - 1.0) - left
-        first = np.arange(COLUMNS)[:, None, None] * COLUMNS + left
+        cell = np.minimum((into * (COLUMNS - 1.0)).astype(np.int64), COLUMNS - 2)
+        part = into * (COLUMNS - 1.0) - cell
+        first = np.arange(COLUMNS)[:, None, None] * COLUMNS + cell
         grey = (GREY + (1.0 - GREY) * s) ** 2 + (1.0 - GREY) ** 2 * v
         for of, kind in enumerate((lit * factor, lit * factor * grey, lit * factor * c)):
             for shift, share in ((0, 1.0 - part), (1, part)):
@@ -241,15 +241,15 @@ def over_visible_normals(cosine: Any, alpha: Any, heights: int, turns: int) -> t
     root = np.sqrt(flat * flat + mu * mu)
     end = np.arctan2(np.where(flat > 0.0, flat + root, mu * mu / (root - flat)), mu * a)[..., None]
     mu, a, flat, length = mu[..., None], a[..., None], flat[..., None], length[..., None]
-    left = 0.5 * (1.0 - nodes)
-    tilt = end * (1.0 - left * left)
+    offset = 0.5 * (1.0 - nodes)
+    tilt = end * (1.0 - offset * offset)
     sin, cos = np.sin(tilt), np.cos(tilt)
     slope = a * sin
     size = slope * slope + cos * cos
     facing = flat * slope + mu * cos
     out = np.maximum(2.0 * facing * cos / size - mu, 1e-12)
     near, far = np.sqrt(a * a + (1.0 - a * a) * mu * mu) / mu, np.sqrt(a * a + (1.0 - a * a) * out * out)
-    weight = end * (w * left) * turn_weight[:, None] * 4.0 * sin * facing / (length + mu)
+    weight = end * (w * offset) * turn_weight[:, None] * 4.0 * sin * facing / (length + mu)
     lit = weight * (1.0 + near) * out / (near * out + far)
     away = np.clip(1.0 - facing / np.sqrt(size), 0.0, 1.0)
     return lit, away, out

@@ -106,8 +106,8 @@ def _bodies(tables: ir.Tables, number: NDArray[np.int64], count: int, around: tu
 
 def is_used(tables: Any) -> bool:
     """Whether tables of this Numba type have media."""
-    found = tables.field("materials.media") if isinstance(tables, HandleType) else None
-    return found is not None and found[1] != ()
+    field = tables.field("materials.media") if isinstance(tables, HandleType) else None
+    return field is not None and field[1] != ()
 
 
 def scatters(tables: Any) -> bool:
@@ -171,23 +171,23 @@ def _body_in_kernels(tables, like):
 @helper
 def top(inside: Lane) -> Lane:
     """Return the number of the medium that fills the volume."""
-    found = inside & MASK
+    highest = inside & MASK
     for k in range(1, DEPTH):
-        found = ops.maximum(found, (inside >> (BITS * k)) & MASK)
-    return found
+        highest = ops.maximum(highest, (inside >> (BITS * k)) & MASK)
+    return highest
 
 
 @helper
 def remove(inside: Lane, number: Lane) -> Lane:
     """Remove one entry of a medium."""
-    found, gone = inside & 0, number < 0
+    remaining, removed = inside & 0, number < 0
     for k in range(DEPTH):
         entry = (inside >> (BITS * k)) & MASK
-        out = ops.not_(gone) & (entry == number) & (number > 0)
-        kept = ops.where(gone, entry << (BITS * max(k - 1, 0)), entry << (BITS * k))
-        found = found | ops.where(out, 0, kept)
-        gone = gone | out
-    return found
+        out = ops.not_(removed) & (entry == number) & (number > 0)
+        shifted = ops.where(removed, entry << (BITS * max(k - 1, 0)), entry << (BITS * k))
+        remaining = remaining | ops.where(out, 0, shifted)
+        removed = removed | out
+    return remaining
 
 
 @helper
@@ -200,30 +200,30 @@ def push(inside: Lane, number: Lane) -> Lane:
 
 
 @helper
-def _relative_ior(inside: Lane, plain: Lane, tables: Tables, point: Surface, component: Any) -> Lane:
+def _relative_ior(inside: Lane, default: Lane, tables: Tables, point: Surface, component: Any) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     if len(table.index) == 1:
-        return plain
+        return default
     number = ops.to_int(table.number[point.material])
-    rest = remove(inside, number)
-    outer = ops.where(point.front, top(inside), top(rest))
+    remaining = remove(inside, number)
+    outer = ops.where(point.front, top(inside), top(remaining))
     real = number > outer
-    beside = plain / dispersion.index_of_medium(component, table.index[outer], tables, outer)
-    return ops.where(number > 0, ops.where(real, beside, 1.0), plain)
+    beside = default / dispersion.index_of_medium(component, table.index[outer], tables, outer)
+    return ops.where(number > 0, ops.where(real, beside, 1.0), default)
 
 
 @helper
-def _is_ignored(inside: Lane, plain: Lane, tables: Tables, point: Surface) -> Lane:
+def _is_ignored(inside: Lane, default: Lane, tables: Tables, point: Surface) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     if len(table.index) == 1:
-        return plain
+        return default
     number = ops.to_int(table.number[point.material])
     outer = ops.where(point.front, top(inside), top(remove(inside, number)))
     return (number > 0) & (number <= outer)
 
 
 @helper
-def _cross_boundary(inside: Lane, plain: Any, tables: Tables, point: Surface, direction: Vec) -> Lane:
+def _cross_boundary(inside: Lane, default: Any, tables: Tables, point: Surface, direction: Vec) -> Lane:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     if len(table.index) == 1:
         return inside
@@ -233,23 +233,23 @@ def _cross_boundary(inside: Lane, plain: Any, tables: Tables, point: Surface, di
 
 
 @helper
-def _attenuate(inside: Lane, plain: Vec, tables: Tables, distance: Lane) -> Vec:
+def _attenuate(inside: Lane, default: Vec, tables: Tables, distance: Lane) -> Vec:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     if len(table.index) == 1 or scattering(tables) is not None:  # there, flights attenuate
-        return plain
+        return default
     number = top(inside)
     if ops.not_(ops.any_lane(number > 0)):
-        return plain
+        return default
     far = ops.where(number > 0, distance, 0.0)
     red, green, blue = row_gather.three_at(table.absorbed, number, 0)
     return (
-        plain[0] * ops.exp(ops.maximum(-red * far, -80.0)), plain[1] * ops.exp(ops.maximum(-green * far, -80.0)),
-        plain[2] * ops.exp(ops.maximum(-blue * far, -80.0)),
+        default[0] * ops.exp(ops.maximum(-red * far, -80.0)), default[1] * ops.exp(ops.maximum(-green * far, -80.0)),
+        default[2] * ops.exp(ops.maximum(-blue * far, -80.0)),
     )  # fmt: skip
 
 
 @helper
-def _enter_body(body: Any, plain: Any, tables: Tables, point: Surface, inside: Lane, direction: Vec) -> Any:
+def _enter_body(body: Any, default: Any, tables: Tables, point: Surface, inside: Lane, direction: Vec) -> Any:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     number = ops.to_int(table.number[point.material])
     enters = (ops.dot(direction, point.geometric) < 0.0) & point.front & (number > 0) & (top(inside) == number)

@@ -140,8 +140,8 @@ def directional_albedo(lobes: Lobes, cosine: Lane) -> Albedos:
     e, b = energy_compensation.directional_albedo(lobes.table, cosine, lobes.alpha)
     coat = 0.0 * cosine
     if ops.any_lane(lobes.coat > 0.0):
-        whole, grazing = energy_compensation.directional_albedo(lobes.table, cosine, lobes.coat_alpha)
-        coat = lobes.coat * (COAT * (whole - grazing) + grazing)
+        albedo, grazing = energy_compensation.directional_albedo(lobes.table, cosine, lobes.coat_alpha)
+        coat = lobes.coat * (COAT * (albedo - grazing) + grazing)
     again = energy_compensation.further_bounces(lobes.table, cosine, lobes.alpha)
     return Albedos(_albedo(lobes, e, b, bounced), 1.0 - e, again, bounced, coat, sheen.albedo_of(lobes.sheen, None, cosine))
 
@@ -157,9 +157,9 @@ def layers(lobes: Lobes) -> Layers:
     """Return the means of a material's highlights."""
     mean, grazing, deviation = energy_compensation.means(lobes.table, lobes.alpha)
     s, c = energy_compensation.mean_after_two(lobes.alpha)
-    whole = _albedo(lobes, mean, grazing, further_bounces.colour(lobes.f0, lobes.f90, lobes.bend, lobes.alpha, s, 0.0 * s, c))
-    one = 1.0 + 0.0 * mean
-    passes = ops.sub((one, one, one), whole)
+    albedo = _albedo(lobes, mean, grazing, further_bounces.colour(lobes.f0, lobes.f90, lobes.bend, lobes.alpha, s, 0.0 * s, c))
+    ones = 1.0 + 0.0 * mean
+    passes = ops.sub((ones, ones, ones), albedo)
     if ops.any_lane(lobes.coat > 0.0):
         coat_mean, coat_grazing, coat_deviation = energy_compensation.means(lobes.table, lobes.coat_alpha)
         of_coat = 1.0 - lobes.coat * (COAT * (coat_mean - coat_grazing) + coat_grazing)
@@ -176,11 +176,11 @@ def layers(lobes: Lobes) -> Layers:
 def diffuse_under_layers(lobes: Lobes, all_: Layers, out: Albedos, into: Albedos) -> Vec:
     """The reflectance of the base for two directions."""
     coats = (1.0 - out.coat) * (1.0 - into.coat)
-    matt = lobes.base
+    base = lobes.base
     return (
-        _matt(matt[0], coats, out.highlight[0], into.highlight[0], all_.open[0]),
-        _matt(matt[1], coats, out.highlight[1], into.highlight[1], all_.open[1]),
-        _matt(matt[2], coats, out.highlight[2], into.highlight[2], all_.open[2]),
+        _matt(base[0], coats, out.highlight[0], into.highlight[0], all_.open[0]),
+        _matt(base[1], coats, out.highlight[1], into.highlight[1], all_.open[1]),
+        _matt(base[2], coats, out.highlight[2], into.highlight[2], all_.open[2]),
     )
 
 
@@ -229,11 +229,11 @@ def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Al
         coat = lobes.coat * math.pi * cos_in * strength * smith_visibility(cos_out, cos_in, lobes.coat_alpha) * _coat_fresnel(along)
         coat_density = strength * 0.5 / (cos_out + _reach(cos_out, lobes.coat_alpha))
     cos_lit = ops.where(lit, cos_in, zero)
-    matt = ops.scale(diffuse_under_layers(lobes, all_, out, into), cos_lit)
+    diffuse = ops.scale(diffuse_under_layers(lobes, all_, out, into), cos_lit)
     facing = ops.dot(half, normal)
-    below = matt, ops.add(ops.scale(fresnel(lobes, along), shine), _further(lobes, cos_out, cos_in, facing, again))
-    matt, highlight = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, cos_lit * least)
-    return LobeValues(matt, highlight, coat, cos_lit * (1.0 / math.pi), density, again_density, coat_density)
+    below = diffuse, ops.add(ops.scale(fresnel(lobes, along), shine), _further(lobes, cos_out, cos_in, facing, again))
+    diffuse, highlight = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, cos_lit * least)
+    return LobeValues(diffuse, highlight, coat, cos_lit * (1.0 / math.pi), density, again_density, coat_density)
 
 
 @helper
@@ -270,10 +270,10 @@ class Chances(NamedTuple):
 def chances(lobes: Lobes, all_: Layers, out: Albedos) -> Chances:
     """Return the probabilities by which lobes are sampled."""
     under = 1.0 - out.coat
-    again, whole = ops.mean3(out.bounced) * out.lost, ops.mean3(out.highlight)
-    matt = sheen.reflects(lobes.sheen, ops.mean3(lobes.base) * under * (1.0 - whole), out.sheen, under)
-    shiny = ops.maximum(ops.where(lobes.sharp, 0.0, (whole - again) * under), 0.0)
-    return Chances(matt, shiny, ops.where(lobes.sharp, 0.0, again * under), out.coat)
+    again, reflectance = ops.mean3(out.bounced) * out.lost, ops.mean3(out.highlight)
+    diffuse = sheen.reflects(lobes.sheen, ops.mean3(lobes.base) * under * (1.0 - reflectance), out.sheen, under)
+    glossy = ops.maximum(ops.where(lobes.sharp, 0.0, (reflectance - again) * under), 0.0)
+    return Chances(diffuse, glossy, ops.where(lobes.sharp, 0.0, again * under), out.coat)
 
 
 @helper
@@ -282,32 +282,32 @@ def _total(chance: Chances) -> Lane:
 
 
 @helper
-def _glossy_density(chance: Chances, found: LobeValues) -> Lane:
+def _glossy_density(chance: Chances, values: LobeValues) -> Lane:
     """The density of samples of all lobes but the diffuse one, times their probabilities."""
-    return chance.highlight * found.highlight_density + chance.again * found.again_density + chance.coat * found.coat_density
+    return chance.highlight * values.highlight_density + chance.again * values.again_density + chance.coat * values.coat_density
 
 
 @helper
-def _reflected(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+def _reflected(lobes: Lobes, default: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    found = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
-    total = ops.add(ops.add(found.matt, found.highlight), (found.coat, found.coat, found.coat))
-    return ops.where3(lobes.here, total, plain)
+    values = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
+    total = ops.add(ops.add(values.matt, values.highlight), (values.coat, values.coat, values.coat))
+    return ops.where3(lobes.here, total, default)
 
 
 @helper
-def _eval_pdf(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec, mirror: Lane) -> tuple[Vec, Lane]:
+def _eval_pdf(lobes: Lobes, default: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec, mirror: Lane) -> tuple[Vec, Lane]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    found = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
-    total = ops.add(ops.add(found.matt, found.highlight), (found.coat, found.coat, found.coat))
+    values = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
+    total = ops.add(ops.add(values.matt, values.highlight), (values.coat, values.coat, values.coat))
     chance = chances(lobes, all_, out)
-    density = chance.matt * found.matt_density + _glossy_density(chance, found)
+    density = chance.matt * values.matt_density + _glossy_density(chance, values)
     density = density / ops.maximum(_total(chance) + mirror, LEAST)
-    return ops.where3(lobes.here, total, plain[0]), ops.where(lobes.here, density, plain[1])
+    return ops.where3(lobes.here, total, default[0]), ops.where(lobes.here, density, default[1])
 
 
 @helper
-def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+def _matt_share(lobes: Lobes, default: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     cosine = ops.dot(normal, to_light)
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     cos_in, cos_out = ops.clip(cosine, LEAST, 1.0), ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
@@ -317,101 +317,101 @@ def _matt_share(lobes: Lobes, plain: Vec, normal: Vec, to_light: Vec, to_viewer:
     facing = ops.dot(ops.normalize(ops.add(to_light, to_viewer)), normal)
     below = diffuse_under_layers(lobes, all_, out, into), dark
     least = 1.0 - ops.maximum(out.coat, into.coat)
-    matt = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, least)[0]
-    matt = ops.where3(cosine > 0.0, matt, dark)
-    return ops.where3(lobes.here, matt, plain)
+    diffuse = sheen.over(lobes.sheen, below, out.sheen, into.sheen, cos_in, cos_out, facing, least)[0]
+    diffuse = ops.where3(cosine > 0.0, diffuse, dark)
+    return ops.where3(lobes.here, diffuse, default)
 
 
 @helper
-def _sample_shine(lobes: Lobes, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
+def _sample_shine(lobes: Lobes, default: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     chance = chances(lobes, all_, out)
-    coat, shiny = chance.coat, chance.highlight
-    whole = ops.maximum(coat + shiny + chance.again, LEAST)
-    number = u * whole
-    on_coat, further = number < coat, number >= coat + shiny
-    rest = ops.where(further, (number - coat - shiny) / ops.maximum(chance.again, LEAST), (number - coat) / ops.maximum(shiny, LEAST))
-    rest = ops.clip(ops.where(on_coat, number / ops.maximum(coat, LEAST), rest), 0.0, 1.0)
+    coat, glossy = chance.coat, chance.highlight
+    total = ops.maximum(coat + glossy + chance.again, LEAST)
+    number = u * total
+    on_coat, further = number < coat, number >= coat + glossy
+    rescaled = ops.where(further, (number - coat - glossy) / ops.maximum(chance.again, LEAST), (number - coat) / ops.maximum(glossy, LEAST))
+    rescaled = ops.clip(ops.where(on_coat, number / ops.maximum(coat, LEAST), rescaled), 0.0, 1.0)
     alpha = ops.where(further, energy_compensation.spread_alpha(lobes.alpha), ops.where(on_coat, lobes.coat_alpha, lobes.alpha))
-    half = sample_visible_normal(normal, to_viewer, alpha, rest, v)
+    half = sample_visible_normal(normal, to_viewer, alpha, rescaled, v)
     direction = ops.reflect(ops.negate(to_viewer), half)
-    found = eval_lobes(lobes, normal, direction, to_viewer, out, all_)
-    density = _glossy_density(chance, found) / whole
-    share = ops.add(found.highlight, (found.coat, found.coat, found.coat))
+    values = eval_lobes(lobes, normal, direction, to_viewer, out, all_)
+    density = _glossy_density(chance, values) / total
+    share = ops.add(values.highlight, (values.coat, values.coat, values.coat))
     factor = ops.where(density > 0.0, 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
-    return ops.where3(lobes.here, direction, plain[0]), ops.where3(lobes.here, ops.scale(share, factor), plain[1])
+    return ops.where3(lobes.here, direction, default[0]), ops.where3(lobes.here, ops.scale(share, factor), default[1])
 
 
 @helper
-def _eval_lobes_pdf(lobes: Lobes, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+def _eval_lobes_pdf(lobes: Lobes, default: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     chance = chances(lobes, all_, out)
-    found = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
-    shine = ops.add(found.highlight, (found.coat, found.coat, found.coat))
-    density = _glossy_density(chance, found) / ops.maximum(chance.highlight + chance.again + chance.coat, LEAST)
-    here = lobes.here
-    return ops.where3(here, found.matt, plain[0]), ops.where3(here, shine, plain[1]), ops.where(here, density, plain[2])
+    values = eval_lobes(lobes, normal, to_light, to_viewer, out, all_)
+    shine = ops.add(values.highlight, (values.coat, values.coat, values.coat))
+    density = _glossy_density(chance, values) / ops.maximum(chance.highlight + chance.again + chance.coat, LEAST)
+    lanes = lobes.here
+    return ops.where3(lanes, values.matt, default[0]), ops.where3(lanes, shine, default[1]), ops.where(lanes, density, default[2])
 
 
 @helper
-def _draw(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Vec:
+def _draw(lobes: Lobes, default: Vec, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> Vec:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
     chance = chances(lobes, all_, out)
     shines, past = lobes.here & (which >= chance.matt), which - chance.matt - chance.highlight
     wide = energy_compensation.spread_alpha(lobes.alpha)
     alpha = ops.where(past < 0.0, lobes.alpha, ops.where(past < chance.again, wide, lobes.coat_alpha))
     half = sample_visible_normal(normal, to_viewer, alpha, u, v)
-    return ops.where3(shines, ops.reflect(ops.negate(to_viewer), half), plain)
+    return ops.where3(shines, ops.reflect(ops.negate(to_viewer), half), default)
 
 
 @helper
-def _whole(lobes: Lobes, plain: Lane, normal: Vec, to_viewer: Vec) -> Lane:
+def _whole(lobes: Lobes, default: Lane, normal: Vec, to_viewer: Vec) -> Lane:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    return ops.where(lobes.here, _total(chances(lobes, all_, out)), plain)
+    return ops.where(lobes.here, _total(chances(lobes, all_, out)), default)
 
 
 @helper
-def _specular_reflectance(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec) -> Vec:
+def _specular_reflectance(lobes: Lobes, default: Vec, normal: Vec, to_viewer: Vec) -> Vec:
     cosine = ops.clip(ops.dot(normal, to_viewer), 0.0, 1.0)
     out = viewer_albedo(lobes, normal, to_viewer)[1]
-    found = ops.scale(fresnel(lobes, cosine), sheen.rest(lobes.sheen, 1.0 - out.coat, out.sheen))
-    return ops.where3(lobes.here & lobes.sharp, found, plain)
+    reflectance = ops.scale(fresnel(lobes, cosine), sheen.rest(lobes.sheen, 1.0 - out.coat, out.sheen))
+    return ops.where3(lobes.here & lobes.sharp, reflectance, default)
 
 
 @helper
-def _transmit(lobes: Lobes, plain: Vec, normal: Vec, to_viewer: Vec) -> Vec:
+def _transmit(lobes: Lobes, default: Vec, normal: Vec, to_viewer: Vec) -> Vec:
     out = viewer_albedo(lobes, normal, to_viewer)[1]
-    rest = sheen.rest(lobes.sheen, 1.0 - out.coat, out.sheen)
-    passed = (rest * (1.0 - out.highlight[0]), rest * (1.0 - out.highlight[1]), rest * (1.0 - out.highlight[2]))
-    return ops.where3(lobes.here, ops.mul(plain, passed), plain)
+    share = sheen.rest(lobes.sheen, 1.0 - out.coat, out.sheen)
+    passed = (share * (1.0 - out.highlight[0]), share * (1.0 - out.highlight[1]), share * (1.0 - out.highlight[2]))
+    return ops.where3(lobes.here, ops.mul(default, passed), default)
 
 
 @helper
 def _sample_all(
-    lobes: Lobes, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, interreflection: bool
+    lobes: Lobes, default: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, interreflection: bool
 ) -> tuple[Vec, Vec]:
     if ops.not_(interreflection):
-        return _sample_shine(lobes, plain, normal, to_viewer, u, v)
+        return _sample_shine(lobes, default, normal, to_viewer, u, v)
     zero = 0.0 * u
     among = which * _whole(lobes, zero, normal, to_viewer)
-    direction = _draw(lobes, plain[0], normal, to_viewer, u, v, among)
-    share, density = _eval_pdf(lobes, (plain[1], zero + 1.0), normal, direction, to_viewer, zero)
+    direction = _draw(lobes, default[0], normal, to_viewer, u, v, among)
+    share, density = _eval_pdf(lobes, (default[1], zero + 1.0), normal, direction, to_viewer, zero)
     factor = ops.where(density > 0.0, 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
-    return direction, ops.where3(lobes.here, ops.scale(share, factor), plain[1])
+    return direction, ops.where3(lobes.here, ops.scale(share, factor), default[1])
 
 
 @helper
-def _diffuse_part(lobes: Lobes, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, mirror: Lane) -> tuple[Vec, Lane]:
+def _diffuse_part(lobes: Lobes, default: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, mirror: Lane) -> tuple[Vec, Lane]:
     all_, out = viewer_albedo(lobes, normal, to_viewer)
-    of = chances(lobes, all_, out)
-    chance = of.matt / ops.maximum(_total(of) + mirror, LEAST)
-    return ops.where3(lobes.here, ops.mul(lobes.base, all_.open), plain[0]), ops.where(lobes.here, chance, plain[1])
+    probabilities = chances(lobes, all_, out)
+    chance = probabilities.matt / ops.maximum(_total(probabilities) + mirror, LEAST)
+    return ops.where3(lobes.here, ops.mul(lobes.base, all_.open), default[0]), ops.where(lobes.here, chance, default[1])
 
 
 @helper
-def _glossy(lobes: Lobes, plain: Lane) -> Lane:
+def _glossy(lobes: Lobes, default: Lane) -> Lane:
     polished = (lobes.alpha < MAX_REFLECTION_ALPHA) | ((lobes.coat > 0.0) & (lobes.coat_alpha < MAX_REFLECTION_ALPHA))
-    return ops.where(lobes.here, polished | (ops.largest(lobes.f0) > METALLIC), plain)
+    return ops.where(lobes.here, polished | (ops.largest(lobes.f0) > METALLIC), default)
 
 
 @helper

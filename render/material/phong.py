@@ -22,9 +22,9 @@ def reflected_classic(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec
     """Return the reflected share of a light's I = E⊥/π by the classic lobes."""
     cosine = ops.dot(normal, to_light)
     light = eval_diffuse(shader, cosine)
-    shiny = has_highlight(shader, cosine)
-    if ops.any_lane(shiny):
-        lobe = ops.where(shiny, highlight(shader, normal, to_light, to_viewer, cosine), 0.0)
+    glossy = has_highlight(shader, cosine)
+    if ops.any_lane(glossy):
+        lobe = ops.where(glossy, highlight(shader, normal, to_light, to_viewer, cosine), 0.0)
         light = ops.add(light, ops.scale(shader.specular, lobe))
     return light
 

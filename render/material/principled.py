@@ -88,8 +88,8 @@ def at(tables: Tables, surface: Surface) -> Lobes | None:
 
 @overload(at)
 def _at_in_kernels(tables, surface):
-    found = tables.field("materials.albedo") if isinstance(tables, HandleType) else None
-    if found is not None and found[1] != ():
+    field = tables.field("materials.albedo") if isinstance(tables, HandleType) else None
+    if field is not None and field[1] != ():
         return lambda tables, surface: _at(tables, surface)
     return lambda tables, surface: None
 
@@ -122,10 +122,12 @@ def _at(tables: Tables, surface: Surface) -> Lobes:
     model = materials.model[surface.material]
     zero = ops.full_like(surface.offset, 0.0)
     no = ops.bool_like(zero, False)
-    here = no | model_tests.has_facets(model)
-    if ops.not_(ops.any_lane(here)):
+    faceted = no | model_tests.has_facets(model)
+    if ops.not_(ops.any_lane(faceted)):
         black, rough = (zero, zero, zero), zero + 1.0
-        return Lobes(here, no, black, black, zero, black, rough, zero, rough, materials.albedo, sheen.without(materials.sheen, None, zero))
+        return Lobes(
+            faceted, no, black, black, zero, black, rough, zero, rough, materials.albedo, sheen.without(materials.sheen, None, zero)
+        )
     color = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
     specular = color_of(tables, surface, SPECULAR)
     ior = ops.maximum(number_of(tables, surface, IOR), 1e-3)
@@ -139,7 +141,7 @@ def _at(tables: Tables, surface: Surface) -> Lobes:
     alpha = roughness * roughness
     coat_roughness = ops.clip(number_of(tables, surface, COAT_ROUGHNESS), 0.0, 1.0)
     return Lobes(
-        here, here & (alpha < microfacet.SHARP), facets.base, facets.f0, f90, facets.bend, ops.maximum(alpha, microfacet.SHARP),
+        faceted, faceted & (alpha < microfacet.SHARP), facets.base, facets.f0, f90, facets.bend, ops.maximum(alpha, microfacet.SHARP),
         facets.coat, ops.maximum(coat_roughness * coat_roughness, microfacet.SHARP), materials.albedo,
         sheen.at(materials.sheen, None, tables, surface),
     )  # fmt: skip

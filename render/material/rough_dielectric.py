@@ -70,9 +70,11 @@ def tables_of(tables: ir.Tables, general: bool = False) -> AlbedoTables | Clear:
     if not (rough & traits.used(tables)).any():
         unused = np.zeros((2 * ROWS * COLUMNS, 4)), np.zeros((2 * ROWS, 4))
         return AlbedoTables(np.zeros(len(m.model), np.int64), *unused) if general else Clear()
-    indices, of = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
-    made = [albedo_table(float(index)) for index in indices]
-    return AlbedoTables(of.ravel().astype(np.int64), np.concatenate([t[0] for t in made]), np.concatenate([t[1] for t in made]))
+    indices, rows = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
+    albedo_tables = [albedo_table(float(index)) for index in indices]
+    return AlbedoTables(
+        rows.ravel().astype(np.int64), np.concatenate([t[0] for t in albedo_tables]), np.concatenate([t[1] for t in albedo_tables])
+    )
 
 
 def is_rough(tables: ir.Tables) -> bool:
@@ -87,8 +89,8 @@ def at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass | N
 
 @overload(at)
 def _at_in_kernels(tables, surface, ior, tint):
-    found = tables.field("materials.rough_glass") if isinstance(tables, HandleType) else None
-    if found is not None and found[1] != ():
+    field = tables.field("materials.rough_glass") if isinstance(tables, HandleType) else None
+    if field is not None and field[1] != ():
         return lambda tables, surface, ior, tint: _at(tables, surface, ior, tint)
     return lambda tables, surface, ior, tint: None
 
@@ -102,11 +104,11 @@ def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
     roughness = ops.clip(number_of(tables, surface, ROUGHNESS), 0.0, 1.0)
     alpha = roughness * roughness
     ratio = ops.where(surface.front, ior, 1.0 / ior)
-    here = model_tests.is_glass(materials.model[surface.material]) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
+    is_rough = model_tests.is_glass(materials.model[surface.material]) & (alpha >= microfacet.SHARP) & (ops.absolute(ratio - 1.0) > SAME)
     first = nowhere + ops.to_int(materials.rough_glass.of[surface.material]) * (2 * ROWS)
     inner = ops.where(surface.front, 0, ROWS)
     alpha = ops.maximum(alpha, microfacet.SHARP)
-    return RoughGlass(here, alpha, ops.where(here, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.rough_glass)
+    return RoughGlass(is_rough, alpha, ops.where(is_rough, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.rough_glass)
 
 
 # --- energy compensation -------------------------------------------------------------------------------------------------
@@ -117,20 +119,20 @@ def lost_share(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
     """1 − E at a cosine, on the side whose rows begin at `row`."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
     column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
-    left = ops.minimum(ops.floor_int(column), COLUMNS - 2)
-    x = column - ops.to_float(left)
-    one = row_gather.four_at(frost.table.each, (row + below) * COLUMNS + left)
-    two = row_gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + left)
-    return ops.lerp(ops.lerp(one[0], one[1], x), ops.lerp(two[0], two[1], x), y)
+    cell = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(cell)
+    lower = row_gather.four_at(frost.table.each, (row + below) * COLUMNS + cell)
+    upper = row_gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + cell)
+    return ops.lerp(ops.lerp(lower[0], lower[1], x), ops.lerp(upper[0], upper[1], x), y)
 
 
 @helper
 def mean_lost_shares(frost: RoughGlass) -> tuple[Lane, Lane, Lane]:
     """(mean loss on this side, on the other, transmitted share of the loss)."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
-    one, two = row_gather.four_at(frost.table.mean, frost.row + below), row_gather.four_at(frost.table.mean, frost.row + below + 1)
-    other = ops.lerp(one[1], two[1], y)
-    return ops.lerp(one[0], two[0], y), other, ops.minimum(ops.lerp(one[2], two[2], y) * other, 1.0)
+    lower, upper = row_gather.four_at(frost.table.mean, frost.row + below), row_gather.four_at(frost.table.mean, frost.row + below + 1)
+    other = ops.lerp(lower[1], upper[1], y)
+    return ops.lerp(lower[0], upper[0], y), other, ops.minimum(ops.lerp(lower[2], upper[2], y) * other, 1.0)
 
 
 # --- evaluation and sampling ---------------------------------------------------------------------------------------------
@@ -157,8 +159,8 @@ def shadowing_across(out: Lane, into: Lane) -> Lane:
     p, q = 1.0 + out, 1.0 + into
     s = p + q
     log_p, log_q, log_s = ops.log(p), ops.log(q), ops.log(s)
-    found = p * (log_p - log_s) + q * (log_q - log_s) + 0.5 * (log_s - log_p - log_q) + 0.5 * math.log(2.0 * math.pi)
-    return ops.minimum(ops.exp(found + _stirling(p) + _stirling(q) - _stirling(s)) * p, 1.0)
+    log_beta = p * (log_p - log_s) + q * (log_q - log_s) + 0.5 * (log_s - log_p - log_q) + 0.5 * math.log(2.0 * math.pi)
+    return ops.minimum(ops.exp(log_beta + _stirling(p) + _stirling(q) - _stirling(s)) * p, 1.0)
 
 
 @helper
@@ -182,8 +184,8 @@ def eval_both_sides(frost: RoughGlass, normal: Vec, to_light: Vec, to_viewer: Ve
     out, into = ops.dot(half, to_viewer), ops.dot(half, to_light)
     strength = ops.where((out > 0.0) & ((into > 0.0) == above), microfacet.ggx_distribution(half, normal, frost.alpha), 0.0)
     turned = reflectance(ops.clip(out, LEAST, 1.0), frost.ratio)
-    whole = out + frost.ratio * into
-    squeezed = frost.ratio * frost.ratio * ops.absolute(into) / ops.maximum(whole * whole, 1e-20)
+    denominator = out + frost.ratio * into
+    squeezed = frost.ratio * frost.ratio * ops.absolute(into) / ops.maximum(denominator * denominator, 1e-20)
     per_solid = ops.where(above, 0.25 * turned, (1.0 - turned) * ops.absolute(out) * squeezed)
     seen = 2.0 * strength / (cos_out + _reach(cos_out, frost.alpha)) * per_solid
     mirrored = 4.0 * math.pi * cos_in * strength * microfacet.smith_visibility(cos_out, cos_in, frost.alpha) * per_solid
@@ -196,8 +198,8 @@ def eval_both_sides(frost: RoughGlass, normal: Vec, to_light: Vec, to_viewer: Ve
     again = lost * lost_in * side / ops.maximum(ops.where(above, mean, mean_other), LEAST)
     total = single + cos_in * again
     density = (1.0 - lost) * seen + lost * side * cos_in * (1.0 / math.pi)
-    one = 0.0 * total + 1.0
-    return ops.scale(ops.where3(above, (one, one, one), frost.tint), total), density
+    ones = 0.0 * total + 1.0
+    return ops.scale(ops.where3(above, (ones, ones, ones), frost.tint), total), density
 
 
 @helper
@@ -236,56 +238,56 @@ def _sample(frost: RoughGlass, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, wh
 
 
 @helper
-def _reflected(frost: RoughGlass, plain: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
-    return ops.where3(frost.here, eval_both_sides(frost, normal, to_light, to_viewer)[0], plain)
+def _reflected(frost: RoughGlass, default: Vec, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
+    return ops.where3(frost.here, eval_both_sides(frost, normal, to_light, to_viewer)[0], default)
 
 
 @helper
-def _eval_pdf(frost: RoughGlass, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+def _eval_pdf(frost: RoughGlass, default: tuple[Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     share, density = eval_both_sides(frost, normal, to_light, to_viewer)
-    return ops.where3(frost.here, share, plain[0]), ops.where(frost.here, density, plain[1])
+    return ops.where3(frost.here, share, default[0]), ops.where(frost.here, density, default[1])
 
 
 @helper
-def _eval_lobes_pdf(frost: RoughGlass, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+def _eval_lobes_pdf(frost: RoughGlass, default: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     share, density = eval_both_sides(frost, normal, to_light, to_viewer)
     none = (0.0 * density, 0.0 * density, 0.0 * density)
-    here = frost.here
-    return ops.where3(here, none, plain[0]), ops.where3(here, share, plain[1]), ops.where(here, density, plain[2])
+    lanes = frost.here
+    return ops.where3(lanes, none, default[0]), ops.where3(lanes, share, default[1]), ops.where(lanes, density, default[2])
 
 
 @helper
-def _draw(frost: RoughGlass, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
+def _draw(frost: RoughGlass, default: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Lane]:
     direction, sound = _sample(frost, normal, to_viewer, u, v, ops.clip(which, 0.0, 1.0))
-    return ops.where3(frost.here, direction, plain[0]), ops.where(frost.here, sound, plain[1])
+    return ops.where3(frost.here, direction, default[0]), ops.where(frost.here, sound, default[1])
 
 
 @helper
-def _sample_all(frost: RoughGlass, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
+def _sample_all(frost: RoughGlass, default: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
     direction, sound = _sample(frost, normal, to_viewer, u, v, which)
     share, density = eval_both_sides(frost, normal, direction, to_viewer)
     factor = ops.where(sound & (density > 0.0), 1.0 / (math.pi * ops.where(density > 0.0, density, 1.0)), 0.0)
-    return ops.where3(frost.here, direction, plain[0]), ops.where3(frost.here, ops.scale(share, factor), plain[1])
+    return ops.where3(frost.here, direction, default[0]), ops.where3(frost.here, ops.scale(share, factor), default[1])
 
 
 @helper
-def _one(frost: RoughGlass, plain: Lane) -> Lane:
-    return ops.where(frost.here, 1.0, plain)
+def _one(frost: RoughGlass, default: Lane) -> Lane:
+    return ops.where(frost.here, 1.0, default)
 
 
 @helper
-def _or_rough(frost: RoughGlass, plain: Lane) -> Lane:
-    return plain | frost.here
+def _or_rough(frost: RoughGlass, default: Lane) -> Lane:
+    return default | frost.here
 
 
 @helper
-def _fine(frost: RoughGlass, plain: Lane, most: float) -> Lane:
-    return plain | (frost.here & (frost.alpha <= most))
+def _fine(frost: RoughGlass, default: Lane, most: float) -> Lane:
+    return default | (frost.here & (frost.alpha <= most))
 
 
 @helper
-def _relative_index(frost: RoughGlass, plain: Lane) -> Lane:
-    return ops.where(frost.here, 1.0 / frost.ratio, plain)
+def _relative_index(frost: RoughGlass, default: Lane) -> Lane:
+    return ops.where(frost.here, 1.0 / frost.ratio, default)
 
 
 @helper
@@ -324,12 +326,12 @@ def albedo_table(index: float) -> tuple[F64, F64]:
     ]
     lost = np.clip(1.0 - np.stack(sent), 0.0, 1.0)
     nodes, weights = np.polynomial.legendre.leggauss(64)
-    at = 0.5 * (nodes + 1.0)
-    means = np.array([[np.interp(energy_compensation.column_of(at, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * at)
+    mu = 0.5 * (nodes + 1.0)
+    means = np.array([[np.interp(energy_compensation.column_of(mu, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * mu)
                        for a, row in zip(alpha, side, strict=True)] for side in lost])  # fmt: skip
     means = means + np.minimum(ROUNDED, 0.05 * means)
     # Reciprocity: x_out · mean_out = index² · x_in · mean_in; x is at most 1.
-    clear = float(np.sum(weights * at * (1.0 - np.asarray(reflectance(at, np.full(64, max(index, 1.0 / index)))))))
+    clear = float(np.sum(weights * mu * (1.0 - np.asarray(reflectance(mu, np.full(64, max(index, 1.0 / index)))))))
     outward = np.full(ROWS, clear / max(index, 1.0) ** 2)
     ratio = np.divide(means[1], means[0], out=np.ones(ROWS), where=means[0] > 1e-9)
     inward = index**2 * outward * ratio

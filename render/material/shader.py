@@ -104,28 +104,30 @@ def evaluate_shader_filtered(tables: Tables, surface: Surface, uses: Uses, insid
     if uses.shines:
         emission = color_of(tables, surface, EMISSION)
     diffuse = ops.mul(color_of(tables, surface, DIFFUSE), surface.color)
-    plain = Shader(
+    shader = Shader(
         ambient, diffuse, specular, shininess, reflection, transmission, ior, emission, blinn, normalized, strength, glass, None, None,
         added, None, None,
     )  # fmt: skip
-    plain = _with_lobes(principled.at(tables, surface), plain)
-    plain = _with_slabs(openpbr.at(tables, surface), plain)
-    plain = _with_coat(body_coat.at(tables, surface, inside), plain)
-    return _with_frost(rough_dielectric.at(tables, surface, plain.ior, plain.transmission), plain)
+    shader = _with_lobes(principled.at(tables, surface), shader)
+    shader = _with_slabs(openpbr.at(tables, surface), shader)
+    shader = _with_coat(body_coat.at(tables, surface, inside), shader)
+    return _with_frost(rough_dielectric.at(tables, surface, shader.ior, shader.transmission), shader)
 
 
 @helper
-def _replace_lobes(lobes: microfacet.Lobes, plain: Shader) -> Shader:
+def _replace_lobes(lobes: microfacet.Lobes, default: Shader) -> Shader:
     """Clear the classic lobes in lanes with microfacets, except for perfect mirrors and transmission."""
-    zero = 0.0 * plain.ior
+    zero = 0.0 * default.ior
     black = (zero, zero, zero)
-    here = lobes.here
+    lanes = lobes.here
     reflection = ops.where3(lobes.sharp, ops.lerp3(lobes.f0, (zero + 1.0, zero + 1.0, zero + 1.0), zero + 0.05), black)
     return Shader(
-        ops.where3(here, ops.mul(plain.ambient, lobes.base), plain.ambient), ops.where3(here, black, plain.diffuse),
-        ops.where3(here, black, plain.specular), plain.shininess, ops.where3(here, reflection, plain.reflection), plain.transmission,
-        ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, lobes, None,
-        plain.added, None, None,
+        ops.where3(lanes, ops.mul(default.ambient, lobes.base), default.ambient), ops.where3(lanes, black, default.diffuse),
+        ops.where3(lanes, black, default.specular), default.shininess, ops.where3(lanes, reflection, default.reflection),
+        default.transmission,
+        ops.where(lanes, zero + 1.0, default.ior), default.emission, default.blinn, default.normalized, default.strength, default.glass,
+        lobes, None,
+        default.added, None, None,
     )  # fmt: skip
 
 
@@ -150,15 +152,15 @@ _with_slabs = specialize_if_present(_replace_slabs)
 
 
 @helper
-def _replace_glass(frost: rough_dielectric.RoughGlass, plain: Shader) -> Shader:
+def _replace_glass(frost: rough_dielectric.RoughGlass, default: Shader) -> Shader:
     """Clear specular reflection and transmission in lanes with rough glass."""
-    zero = 0.0 * plain.ior
-    here, black = frost.here, (zero, zero, zero)
+    zero = 0.0 * default.ior
+    lanes, black = frost.here, (zero, zero, zero)
     return Shader(
-        plain.ambient, plain.diffuse, plain.specular, plain.shininess, ops.where3(here, black, plain.reflection),
-        ops.where3(here, black, plain.transmission), ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn,
-        plain.normalized, plain.strength, plain.glass & ops.not_(here), plain.lobes, frost,
-        plain.added, plain.coat, plain.slabs,
+        default.ambient, default.diffuse, default.specular, default.shininess, ops.where3(lanes, black, default.reflection),
+        ops.where3(lanes, black, default.transmission), ops.where(lanes, zero + 1.0, default.ior), default.emission, default.blinn,
+        default.normalized, default.strength, default.glass & ops.not_(lanes), default.lobes, frost,
+        default.added, default.coat, default.slabs,
     )  # fmt: skip
 
 
@@ -166,12 +168,14 @@ _with_frost = specialize_if_present(_replace_glass)
 
 
 @helper
-def _add_coat(coat: body_coat.Coat, plain: Shader) -> Shader:
+def _add_coat(coat: body_coat.Coat, default: Shader) -> Shader:
     """Add the highlight of bodies; their index of refraction is that of the highlight alone."""
     return Shader(
-        plain.ambient, plain.diffuse, plain.specular, plain.shininess, body_coat.mirrors(coat, plain.reflection), plain.transmission,
-        ops.where(coat.here, 1.0 + 0.0 * plain.ior, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass,
-        plain.lobes, None, plain.added, coat, plain.slabs,
+        default.ambient, default.diffuse, default.specular, default.shininess,
+        body_coat.mirrors(coat, default.reflection), default.transmission,
+        ops.where(coat.here, 1.0 + 0.0 * default.ior, default.ior), default.emission, default.blinn, default.normalized, default.strength,
+        default.glass,
+        default.lobes, None, default.added, coat, default.slabs,
     )  # fmt: skip
 
 

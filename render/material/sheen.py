@@ -55,14 +55,14 @@ def tables_of(tables: ir.Tables, general: bool = False) -> Albedo | NoSheen:
 
 
 @helper
-def _at(table_: Any, plain: Any, tables: Tables, surface: Surface) -> Sheen:
+def _at(table_: Any, default: Any, tables: Tables, surface: Surface) -> Sheen:
     color = color_of(tables, surface, COLOR)
     color = ops.clip(color[0], 0.0, 1.0), ops.clip(color[1], 0.0, 1.0), ops.clip(color[2], 0.0, 1.0)
     return Sheen(color, ops.clip(number_of(tables, surface, ROUGHNESS), LEAST_ROUGHNESS, 1.0), table_)
 
 
 @helper
-def _without(table_: Any, plain: Any, zero: Lane) -> Sheen:
+def _without(table_: Any, default: Any, zero: Lane) -> Sheen:
     return Sheen((zero, zero, zero), zero + LEAST_ROUGHNESS, table_)
 
 
@@ -105,12 +105,12 @@ def directional_albedo(table_: Albedo, cosine: Lane, roughness: Lane) -> Lane:
     row = ops.clip(ops.floor_int(down), 0, SIZE - 2)
     column = ops.clip(ops.floor_int(across), 0, SIZE - 2)
     part = across - ops.to_float(column)
-    here, next_, below, last = row_gather.four_at(table_.each, row * SIZE + column)
-    return ops.lerp(ops.lerp(here, next_, part), ops.lerp(below, last, part), down - ops.to_float(row))
+    first, next_, below, last = row_gather.four_at(table_.each, row * SIZE + column)
+    return ops.lerp(ops.lerp(first, next_, part), ops.lerp(below, last, part), down - ops.to_float(row))
 
 
 @helper
-def _albedo(sheen: Sheen, plain: Any, cosine: Lane) -> Lane:
+def _albedo(sheen: Sheen, default: Any, cosine: Lane) -> Lane:
     if ops.not_(is_active(sheen)):
         return 0.0 * cosine
     return directional_albedo(sheen.table, cosine, sheen.roughness)
@@ -122,23 +122,23 @@ def _over(
 ) -> tuple[Vec, Vec]:
     most = ops.maximum(out, into)
     under = 1.0 - ops.largest(sheen.color) * ops.minimum(most, 1.0)
-    own = eval_sheen(sheen.roughness, cos_in, cos_out, cos_half) * factor / ops.maximum(most, 1.0)
-    return ops.add(ops.scale(below[0], under), ops.scale(sheen.color, own)), ops.scale(below[1], under)
+    value = eval_sheen(sheen.roughness, cos_in, cos_out, cos_half) * factor / ops.maximum(most, 1.0)
+    return ops.add(ops.scale(below[0], under), ops.scale(sheen.color, value)), ops.scale(below[1], under)
 
 
 @helper
-def _rest(sheen: Sheen, whole: Lane, albedo: Lane) -> Lane:
-    return whole * (1.0 - ops.largest(sheen.color) * ops.minimum(albedo, 1.0))
+def _rest(sheen: Sheen, share: Lane, albedo: Lane) -> Lane:
+    return share * (1.0 - ops.largest(sheen.color) * ops.minimum(albedo, 1.0))
 
 
 @helper
-def _reflects(sheen: Sheen, plain: Lane, albedo: Lane, passed: Lane) -> Lane:
-    return plain + ops.mean3(sheen.color) * ops.minimum(albedo, 1.0) * passed
+def _reflects(sheen: Sheen, default: Lane, albedo: Lane, passed: Lane) -> Lane:
+    return default + ops.mean3(sheen.color) * ops.minimum(albedo, 1.0) * passed
 
 
 @helper
-def _or_has(sheen: Sheen, plain: Lane) -> Lane:
-    return plain | (ops.largest(sheen.color) > 0.0)
+def _or_has(sheen: Sheen, default: Lane) -> Lane:
+    return default | (ops.largest(sheen.color) > 0.0)
 
 
 at = specialize_if_present(_at)  # table, None, tables, surface: the Sheen, or None

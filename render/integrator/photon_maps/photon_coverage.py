@@ -36,8 +36,8 @@ def _emission_in_kernels(photon_emitters, row, path):
 
 
 @helper
-def _covered_sky(spots: Any, plain: Lane, path: PathState) -> Lane:
-    covered = plain | (path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)
+def _covered_sky(spots: Any, default: Lane, path: PathState) -> Lane:
+    covered = default | (path.density > 2.0 * ONLY) | (path.phase > photon_map.CLEAN)
     return dome_spots.only_in_spots(spots, covered, spots.row, path.direction)
 
 
@@ -115,37 +115,38 @@ def _splits_in_kernels(photons, phase, shader):
     return lambda photons, phase, shader: ops.bool_like(phase, False)
 
 
-def split_lobe(photons: Any, plain: tuple[Vec, Lane], *of: Any) -> tuple[Vec, Lane]:
+def split_lobe(photons: Any, default: tuple[Vec, Lane], *arguments: Any) -> tuple[Vec, Lane]:
     """(photons, plain, splits, shading, scattered, number): choose the diffuse base or the narrow lobe for a BSDF sample; only in kernels.
 
-    `plain` is the weight of the path and where the lobe is chosen, which is nowhere. The chance of the lobe is its share in the BSDF at the
+    `default` is the weight of the path and where the lobe is chosen,
+    which is nowhere. The chance of the lobe is its share in the BSDF at the
     sampled direction. Photons are noisy in a narrow lobe, as few arrive in it.
     """
-    return plain
+    return default
 
 
 @overload(split_lobe)
-def _split_in_kernels(photons, plain, splits, shading, scattered, number):
+def _split_in_kernels(photons, default, splits, shading, scattered, number):
     if photons.layout:
-        return lambda photons, plain, splits, shading, scattered, number: _split(plain, splits, shading, scattered, number)
-    return lambda photons, plain, splits, shading, scattered, number: plain
+        return lambda photons, default, splits, shading, scattered, number: _split(default, splits, shading, scattered, number)
+    return lambda photons, default, splits, shading, scattered, number: default
 
 
 @helper
-def _split(plain: tuple[Vec, Lane], splits: Lane, shading: ShadingContext, scattered: Scattered, number: Lane) -> tuple[Vec, Lane]:
-    weight, lobe = plain
+def _split(default: tuple[Vec, Lane], splits: Lane, shading: ShadingContext, scattered: Scattered, number: Lane) -> tuple[Vec, Lane]:
+    weight, lobe = default
     splits = splits & (scattered.density < ONLY)
     if ops.any_lane(splits):
         point, shader = shading.point, shading.shader
-        whole = bsdf.reflected(shader, point.normal, scattered.direction, shading.viewer)
+        all_lobes = bsdf.reflected(shader, point.normal, scattered.direction, shading.viewer)
         base = bsdf.eval_diffuse(shader, point.normal, scattered.direction, shading.viewer)
-        chance = ops.clip(1.0 - ops.mean3(base) / ops.maximum(ops.mean3(whole), lights.TINY), 0.0, 1.0)
+        chance = ops.clip(1.0 - ops.mean3(base) / ops.maximum(ops.mean3(all_lobes), lights.TINY), 0.0, 1.0)
         lobe = splits & (number < chance)
-        part = ops.where3(lobe, ops.sub(whole, base), base)
+        part = ops.where3(lobe, ops.sub(all_lobes, base), base)
         scale = 1.0 / ops.maximum(ops.where(lobe, chance, 1.0 - chance), lights.TINY)
         share = (
-            part[0] * scale / ops.maximum(whole[0], lights.TINY), part[1] * scale / ops.maximum(whole[1], lights.TINY),
-            part[2] * scale / ops.maximum(whole[2], lights.TINY),
+            part[0] * scale / ops.maximum(all_lobes[0], lights.TINY), part[1] * scale / ops.maximum(all_lobes[1], lights.TINY),
+            part[2] * scale / ops.maximum(all_lobes[2], lights.TINY),
         )  # fmt: skip
         weight = ops.where3(splits, ops.mul(weight, share), weight)
     return weight, lobe

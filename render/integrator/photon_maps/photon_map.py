@@ -125,7 +125,7 @@ _sort = photon_grid.sorter(_radius, _store)
 # --- in lanes ------------------------------------------------------------------------------------------------------------
 
 
-def estimate(maps: Any, *of: Any) -> Any:
+def estimate(maps: Any, *arguments: Any) -> Any:
     """(maps, shading, uses, weight, here, diffuse_only, sample, number): the photons' light to the viewer; None without maps, and in numpy.
 
     In lanes of `diffuse_only` only the diffuse part of the BSDF reflects it. `number` chooses the photon of Gathered.
@@ -134,12 +134,12 @@ def estimate(maps: Any, *of: Any) -> Any:
 
 
 @overload(estimate)
-def _estimate_in_kernels(maps, shading, uses, weight, here, diffuse_only, sample, number):
+def _estimate_in_kernels(maps, shading, uses, weight, lanes, diffuse_only, sample, number):
     if maps.layout:
-        return lambda maps, shading, uses, weight, here, diffuse_only, sample, number: _estimate(
-            maps, shading, uses, weight, here, diffuse_only, sample, number
+        return lambda maps, shading, uses, weight, lanes, diffuse_only, sample, number: _estimate(
+            maps, shading, uses, weight, lanes, diffuse_only, sample, number
         )
-    return lambda maps, shading, uses, weight, here, diffuse_only, sample, number: None
+    return lambda maps, shading, uses, weight, lanes, diffuse_only, sample, number: None
 
 
 def no_estimate(maps: Any, shading: ShadingContext) -> Any:
@@ -181,17 +181,17 @@ def _phase_after_in_kernels(maps, phase, shader, sharp, covered, lobe):
         clean = phase >= CLEAN
         past = ops.where(phase == LOBE, PAST_LOBE, phase)
         beside = ops.where(bsdf.is_polished(shader), ops.where(clean, 4.0, past), ops.where(clean, MATT, past))
-        matt = ops.where(lobe, LOBE, ops.where(clean & covered, BESIDE, CLEAN))
-        return ops.where(sharp, phase, ops.where(bsdf.has_matt(shader), matt, beside))
+        diffuse = ops.where(lobe, LOBE, ops.where(clean & covered, BESIDE, CLEAN))
+        return ops.where(sharp, phase, ops.where(bsdf.has_matt(shader), diffuse, beside))
 
     return counted
 
 
 @helper
 def _estimate(
-    maps: Any, shading: ShadingContext, uses: Uses, weight: Vec, here: Lane, diffuse_only: Lane, sample: Lane, number: Lane
+    maps: Any, shading: ShadingContext, uses: Uses, weight: Vec, lanes: Lane, diffuse_only: Lane, sample: Lane, number: Lane
 ) -> Gathered:  # fmt: skip
-    lit = here & bsdf.is_lit(shading.shader)
+    lit = lanes & bsdf.is_lit(shading.shader)
     if len(maps.key) > 0 and ops.any_lane(lit):
         position = shading.point.position
         place = (position[0] - maps.origin[0], position[1] - maps.origin[1], position[2] - maps.origin[2])
@@ -207,10 +207,10 @@ def _gathered(maps: Any, chosen: Chosen, shading: ShadingContext) -> Gathered:
     toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
     normal = (maps.normal[row], maps.normal[row + n], maps.normal[row + 2 * n])
     place = (maps.place[row], maps.place[row + n], maps.place[row + 2 * n])
-    here, there = ops.sign_of(ops.dot(toward, point.geometric)), ops.sign_of(ops.dot(toward, normal))
-    end = ops.along(ops.add(place, (maps.origin[0], maps.origin[1], maps.origin[2])), normal, 2.0 * there * point.offset)
-    start = ops.along(interaction.shadow_origin(point), point.geometric, here * point.offset)
-    return Gathered(chosen.light, start, end, ops.add(ops.scale(point.geometric, here), ops.scale(normal, there)))
+    side, photon_side = ops.sign_of(ops.dot(toward, point.geometric)), ops.sign_of(ops.dot(toward, normal))
+    end = ops.along(ops.add(place, (maps.origin[0], maps.origin[1], maps.origin[2])), normal, 2.0 * photon_side * point.offset)
+    start = ops.along(interaction.shadow_origin(point), point.geometric, side * point.offset)
+    return Gathered(chosen.light, start, end, ops.add(ops.scale(point.geometric, side), ops.scale(normal, photon_side)))
 
 
 @helper
@@ -220,11 +220,11 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
     off = (x[0] - maps.place[row], x[1] - maps.place[row + n], x[2] - maps.place[row + 2 * n])
     signed = maps.inverse[row]
     inverse = ops.absolute(signed)
-    left = 1.0 - ops.dot(off, off) * inverse
+    falloff = 1.0 - ops.dot(off, off) * inverse
     height = ops.dot(off, point.geometric)
     normal = (maps.normal[row], maps.normal[row + n], maps.normal[row + 2 * n])
-    near = same & (left > 0.0) & (lookup.diffuse | (signed > 0.0)) & (height * height * inverse < FLATNESS * FLATNESS)
-    zero = 0.0 * left
+    near = same & (falloff > 0.0) & (lookup.diffuse | (signed > 0.0)) & (height * height * inverse < FLATNESS * FLATNESS)
+    zero = 0.0 * falloff
     light = (zero, zero, zero)
     if ops.any_lane(near):
         toward = (maps.toward[row], maps.toward[row + n], maps.toward[row + 2 * n])
@@ -232,19 +232,19 @@ def _photon_light(maps: Any, row: Lane, same: Lane, lookup: Lookup) -> Vec:
         near = near & (ops.dot(normal, point.geometric) * ops.sign_of(cosine * ops.dot(toward, normal)) > FACING)
         near = near & bsdf.scatters_through(shader, cosine > 0.0)
         share = _bsdf_share(near, lookup.diffuse_only, shader, lookup.uses, point.normal, toward, lookup.shading.viewer)
-        strength = left * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)
+        strength = falloff * (1.0 / math.pi) / ops.maximum(ops.absolute(cosine), 1e-2)
         power = (maps.power[row], maps.power[row + n], maps.power[row + 2 * n])
-        given = ops.scale(ops.mul(ops.mul(lookup.weight, share), power), strength)
-        light = ops.where3(near, given, light)
+        radiance = ops.scale(ops.mul(ops.mul(lookup.weight, share), power), strength)
+        light = ops.where3(near, radiance, light)
     return light
 
 
 @helper
-def _bsdf_share(here: Lane, diffuse_only: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
+def _bsdf_share(lanes: Lane, diffuse_only: Lane, shader: Shader, uses: Uses, normal: Vec, toward: Vec, viewer: Vec) -> Vec:
     """π f cos; in lanes of `diffuse_only` that of the diffuse part."""
-    if (uses.glossy or uses.sharp) and ops.any_lane(here & bsdf.has_more_than_diffuse(shader)):
+    if (uses.glossy or uses.sharp) and ops.any_lane(lanes & bsdf.has_more_than_diffuse(shader)):
         share = bsdf.eval_diffuse(shader, normal, toward, viewer)
-        if ops.any_lane(here & ops.not_(diffuse_only)):
+        if ops.any_lane(lanes & ops.not_(diffuse_only)):
             share = ops.where3(diffuse_only, share, _reflected(shader, normal, toward, viewer))
         return share
     return ops.scale(shader.diffuse, ops.maximum(ops.dot(normal, toward), 0.0))
@@ -256,9 +256,9 @@ def _probe(lookup: Lookup, k: int) -> Vec:
 
 
 @helper
-def _is_near(maps: Any, at: int, off: Vec, normal: Vec, like: Lane) -> Lane:
+def _is_near(maps: Any, first: int, off: Vec, normal: Vec, like: Lane) -> Lane:
     """Whether photons are near a point in its plane, with this normal."""
-    inverse = ops.absolute(crosslane.load_like(maps.inverse, at, like))
+    inverse = ops.absolute(crosslane.load_like(maps.inverse, first, like))
     height = off[0] * normal[0] + off[1] * normal[1] + off[2] * normal[2]
     return (ops.dot(off, off) * inverse < WIDER) & (height * height * inverse < WIDER * FLATNESS * FLATNESS)
 

@@ -126,12 +126,12 @@ def _of_in_kernels(maps):
 
 @helper
 def _at_collisions(
-    volume: Any, plain: Gathered, shading: ShadingContext, path: PathState, here: Lane, index: PathSample, ahead: tuple[Lane, Lane]
+    volume: Any, default: Gathered, shading: ShadingContext, path: PathState, lanes: Lane, index: PathSample, ahead: tuple[Lane, Lane]
 ) -> Gathered:  # fmt: skip
     event: Any = shading.event
-    gathers = here & event.scattered & (path.phase < MATT)
+    gathers = lanes & event.scattered & (path.phase < MATT)
     if len(volume.key) == 0 or ops.not_(ops.any_lane(gathers)):
-        return plain
+        return default
     position = event.position
     t = ops.dot(ops.sub(position, path.origin), path.direction)
     point = Point(
@@ -145,8 +145,9 @@ def _at_collisions(
     end = ops.add(photon, (volume.origin[0], volume.origin[1], volume.origin[2]))
     zero = 0.0 * position[0]
     return Gathered(
-        ops.where3(gathers, chosen.light, plain.light), ops.where3(gathers, position, plain.start), ops.where3(gathers, end, plain.end),
-        ops.where3(gathers, (zero, zero, zero), plain.up),
+        ops.where3(gathers, chosen.light, default.light), ops.where3(gathers, position, default.start),
+        ops.where3(gathers, end, default.end),
+        ops.where3(gathers, (zero, zero, zero), default.up),
     )  # fmt: skip
 
 
@@ -155,7 +156,7 @@ at_collisions = specialize_if_present(_at_collisions)
 
 
 @helper
-def _leaving(volume: Any, plain: Any, point: Surface, direction: Vec, before: Lane, after: Lane) -> Lane:
+def _leaving(volume: Any, default: Any, point: Surface, direction: Vec, before: Lane, after: Lane) -> Lane:
     return flights.boundary_cosine(point, direction, before, after)
 
 
@@ -164,7 +165,7 @@ leaving = specialize_if_present(_leaving)
 
 
 @helper
-def _wall(volume: Any, plain: Any, tables: Tables, path: PathState, point: Surface, t: Lane) -> tuple[Lane, Lane]:
+def _wall(volume: Any, default: Any, tables: Tables, path: PathState, point: Surface, t: Lane) -> tuple[Lane, Lane]:
     after = medium_stack.cross_boundary(path.inside, None, tables, point, path.direction)
     return ops.where(t < FAR, t, FAR), flights.boundary_cosine(point, path.direction, path.inside, after)
 
@@ -174,9 +175,9 @@ wall = specialize_if_present(_wall)
 
 
 @helper
-def _after_collision(volume: Any, plain: Lane, shading: ShadingContext) -> Lane:
+def _after_collision(volume: Any, default: Lane, shading: ShadingContext) -> Lane:
     event: Any = shading.event
-    return ops.where(event.scattered, CLEAN, plain)
+    return ops.where(event.scattered, CLEAN, default)
 
 
 phase_after = specialize_if_present(_after_collision)
@@ -216,8 +217,8 @@ def _probe(point: Point, k: int) -> float:
 
 
 @helper
-def _is_near(volume: Any, at: int, off: Vec, _: float, like: Lane) -> Lane:
-    return ops.dot(off, off) * crosslane.load_like(volume.inverse, at, like) < WIDER
+def _is_near(volume: Any, first: int, off: Vec, _: float, like: Lane) -> Lane:
+    return ops.dot(off, off) * crosslane.load_like(volume.inverse, first, like) < WIDER
 
 
 _gather = photon_grid.gatherer(_probe, _is_near, _photon_light)

@@ -50,8 +50,8 @@ def carried_by_photons(tables: ir.Tables, table: Emitters, spots: Any, all_sizes
         carried[spots.row] = True
     for i in np.flatnonzero(shining & (table.first >= 0)):
         later = table.first[table.first > table.first[i]]
-        lamp = np.flatnonzero((np.arange(len(light)) > table.first[i]) & light)
-        end = min([len(carried), *later.tolist(), *lamp.tolist()])
+        later_lights = np.flatnonzero((np.arange(len(light)) > table.first[i]) & light)
+        end = min([len(carried), *later.tolist(), *later_lights.tolist()])
         carried[table.first[i] : end] = True
     return carried & (table.kind != emitting_cells.KIND)
 

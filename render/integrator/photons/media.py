@@ -46,9 +46,10 @@ def stacks(table: Emitters, chosen: NDArray[np.bool_], outside: int, search: Any
 
 @helper
 def _start(
-    table: Any, plain: tuple[Vec, Any, Any], tables: Tables, emitters: Emitters, aims: Aims, number: Lane, index: Lane, ray: Ray, seed: int
+    table: Any, default: tuple[Vec, Any, Any], tables: Tables, emitters: Emitters, aims: Aims, number: Lane, index: Lane, ray: Ray,
+    seed: int
 ) -> tuple[Vec, Lane, Lane]:  # fmt: skip
-    power, zero = plain[0], 0.0 * ray.origin[0]
+    power, zero = default[0], 0.0 * ray.origin[0]
     row = emitter_of(aims, number, index, seed)
     inside = ops.int_like(zero, 0) + ops.to_int(aims.inside[row])
     kind = emitters.kind[row]
@@ -68,7 +69,7 @@ medium stack, distance at which the ray begins)."""
 
 
 @helper
-def _stored_depth(table: Any, plain: int) -> int:
+def _stored_depth(table: Any, default: int) -> int:
     return 1
 
 
@@ -76,35 +77,38 @@ stored_depth = specialize_if_present(_stored_depth)  # (media, depth): a depth o
 
 
 @helper
-def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, scatters: Lane, t: Lane, of: tracking.Key) -> Flown:
-    """Photons after their flight to the next hit; those not of `scatters` only lose power. `of` is (map, photon, depth, seed)."""
+def _fly(
+    table: Any, default: Any, tables: Tables, path: PathState, active: Lane, scatters: Lane, t: Lane, photon_key: tracking.Key
+) -> Flown:
+    """Photons after their flight to the next hit; those not of `scatters` only lose power. `photon_key` is (map, photon, depth, seed)."""
     zero = 0.0 * path.near
     number = ops.where(active, medium_stack.top(path.inside), 0)
-    weight, scattered, at = path.weight, ops.bool_like(zero, False), t
+    weight, scattered, distance = path.weight, ops.bool_like(zero, False), t
     none = (zero, zero, zero)
     fading = (number > 0) & ops.not_(scatters)
     if ops.any_lane(fading):
         white = (zero + 1.0, zero + 1.0, zero + 1.0)
-        key = tracking.Key(of.pixel, of.sample, DEEP + of.depth, of.seed, 1, of.body, None)
+        key = tracking.Key(photon_key.pixel, photon_key.sample, DEEP + photon_key.depth, photon_key.seed, 1, photon_key.body, None)
         through = ops.where(fading, number, 0)
         passed = free_flight.transmit(table, white, tables, through, path.origin, path.direction, path.near, t, key)
         weight = ops.where3(fading, ops.mul(weight, passed), weight)
     flying = (number > 0) & scatters
     if ops.any_lane(flying):
-        key = tracking.Key(of.pixel, of.sample, DEEP + of.depth, of.seed, tracking.PHOTON, of.body, None)
+        depth = DEEP + photon_key.depth
+        key = tracking.Key(photon_key.pixel, photon_key.sample, depth, photon_key.seed, tracking.PHOTON, photon_key.body, None)
         still = tracking.Flight(scattered, t, (zero + 1.0, zero + 1.0, zero + 1.0), none)
         through = ops.where(flying, number, 0)
         flight = free_flight.fly(table, still, tables, through, path.origin, path.direction, path.near, t, weight, key)
         weight = ops.where3(flying, ops.mul(weight, flight.factor), weight)
-        scattered, at = flying & flight.scattered, ops.where(flying, flight.t, at)
-    return Flown(weight, scattered, at, none)
+        scattered, distance = flying & flight.scattered, ops.where(flying, flight.t, distance)
+    return Flown(weight, scattered, distance, none)
 
 
 fly = specialize_if_present(_fly)  # (media, None, tables, path, active, scatters, t of hits or inf, key) → Flown
 
 
 @helper
-def _power(flown: Flown, plain: Vec) -> Vec:
+def _power(flown: Flown, default: Vec) -> Vec:
     return flown.weight
 
 
@@ -112,28 +116,30 @@ power_after = specialize_if_present(_power)  # (flown, power)
 
 
 @helper
-def _chance(event: Event, plain: Lane, power: Vec, before: Vec) -> Lane:
+def _chance(event: Event, default: Lane, power: Vec, before: Vec) -> Lane:
     share = ops.largest(power) / ops.maximum(ops.largest(before), 1e-30)
-    return ops.where(event.scattered, ops.minimum(share, 1.0), plain)
+    return ops.where(event.scattered, ops.minimum(share, 1.0), default)
 
 
 chance = specialize_if_present(_chance)  # (event, probability to go on, power, power before the flight) → with that of collisions
 
 
 @helper
-def _collision(event: Event, plain: Any, tables: Tables, path: PathState, power: Vec, share: float, of: tracking.Key) -> Any:
+def _collision(event: Event, default: Any, tables: Tables, path: PathState, power: Vec, share: float, photon_key: tracking.Key) -> Any:
     table: Any = medium_stack.scattering(tables)
     medium = ops.where(event.scattered, medium_stack.top(path.inside), 0)
-    number = sobol.hashed_pair(of.pixel, of.sample, ops.int_like(of.pixel, KEPT + of.depth), of.seed)[0]
-    kept = event.scattered & (number < share)
-    back = free_flight.scattering_at(table, tables, medium, event.position, of.body)
+    number = sobol.hashed_pair(
+        photon_key.pixel, photon_key.sample, ops.int_like(photon_key.pixel, KEPT + photon_key.depth), photon_key.seed
+    )[0]
+    is_stored = event.scattered & (number < share)
+    back = free_flight.scattering_at(table, tables, medium, event.position, photon_key.body)
     scale = 1.0 / share
     fluence = (
         ops.where(back[0] > 0.0, power[0] * scale / ops.maximum(back[0], 1e-30), 0.0),
         ops.where(back[1] > 0.0, power[1] * scale / ops.maximum(back[1], 1e-30), 0.0),
         ops.where(back[2] > 0.0, power[2] * scale / ops.maximum(back[2], 1e-30), 0.0),
     )  # fmt: skip
-    return kept & (ops.largest(fluence) > 0.0), fluence, ops.to_float(medium) + photon_volume.CODE
+    return is_stored & (ops.largest(fluence) > 0.0), fluence, ops.to_float(medium) + photon_volume.CODE
 
 
 collision = specialize_if_present(_collision)

@@ -169,11 +169,11 @@ class Tracer:
             batch, space = Batch(number, start, some, each, share), SPACE * BLOCK
             while True:
                 rows = np.empty((COLUMNS, space + PAD), np.float32)
-                kept = trace_block(self.accel, self.scene, frame, self.aims, batch, origin, self.local.memory, rows)
-                if kept <= space:
+                stored_count = trace_block(self.accel, self.scene, frame, self.aims, batch, origin, self.local.memory, rows)
+                if stored_count <= space:
                     break
-                space = int(kept)
-            stored[number, start] = rows[:, :kept].T.copy()
+                space = int(stored_count)
+            stored[number, start] = rows[:, :stored_count].T.copy()
 
         thread_pool.parallel_for(draw, jobs, self.threads)
         landed = [
@@ -192,7 +192,7 @@ def trace_block(accel, scene, frame, aims, batch, origin, memory, stored):
     If `stored` is too small, photons are left out, but counted.
     """
     saved = simd.flush_denormals()
-    kept = 0
+    stored_count = 0
     for start in range(0, batch.count, SIZE):
         count, share = min(batch.count - start, SIZE), 1.0 / batch.total
         active, source = _emit_stage(scene, frame, aims, memory, batch.number, batch.first + start, count, share), 0
@@ -200,17 +200,17 @@ def trace_block(accel, scene, frame, aims, batch, origin, memory, stored):
             if active == 0:
                 break
             intersect_stage(accel, scene, frame, memory, source, active, depth + 1)
-            active, kept = _scatter_stage(scene, frame, memory, source, active, depth, origin, stored, kept, batch.share)
+            active, stored_count = _scatter_stage(scene, frame, memory, source, active, depth, origin, stored, stored_count, batch.share)
             source = 1 - source
     simd.restore_denormals(saved)
-    return kept
+    return stored_count
 
 
 @noinline_helper
 def _emit_stage(scene, frame, aims, memory, number, first, n, share):
     """Emit photons first … first + n - 1; return how many have any power."""
     like = simd.load(memory.state, 0)
-    kept = 0
+    emitted = 0
     for i in range(0, n, crosslane.width(like)):
         index = simd.iota(simd.load(memory.index, 0)) + (first + i)
         numbers = ops.int_like(index, number)
@@ -219,18 +219,18 @@ def _emit_stage(scene, frame, aims, memory, number, first, n, share):
         table, emitters = medium_stack.scattering(scene.tables), scene.light.emitters
         power, inside, near = media.start(table, nothing, scene.tables, emitters, aims, numbers, index, ray, frame.options.seed)
         going = simd.first_lanes(n - i, like) & (ops.largest(power) > 0.0)
-        store_optional(inside, None, memory.inside, kept, going)
-        store_optional(near, None, memory.near, kept, going)
-        compress_store3(memory.state, kept, ray.origin, going)
-        compress_store3(memory.state, 3 * ROW + kept, ray.direction, going)
-        compress_store3(memory.state, 6 * ROW + kept, ops.scale(power, share), going)
-        compress_store3(memory.index, kept, (ops.int_like(index, 0), numbers, index), going)
-        kept += simd.count(going)
-    return kept
+        store_optional(inside, None, memory.inside, emitted, going)
+        store_optional(near, None, memory.near, emitted, going)
+        compress_store3(memory.state, emitted, ray.origin, going)
+        compress_store3(memory.state, 3 * ROW + emitted, ray.direction, going)
+        compress_store3(memory.state, 6 * ROW + emitted, ops.scale(power, share), going)
+        compress_store3(memory.index, emitted, (ops.int_like(index, 0), numbers, index), going)
+        emitted += simd.count(going)
+    return emitted
 
 
 @noinline_helper
-def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept, share):
+def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, stored_count, share):
     """Store and scatter n photons where they hit; return (photons that go on, photons stored so far)."""
     tables, light, seed = scene.tables, scene.light, frame.options.seed
     table, like = medium_stack.scattering(tables), simd.load(memory.state, 0)
@@ -242,7 +242,9 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
         key = Key(number, index, depth, seed, 0, path.body, None)
         hit, piece, hits = load_hits(memory, i, active)
         flown = media.fly(table, None, tables, path, active, counts, ops.where(hits, hit.t, np.inf), key)
-        kept = _store_beams(photon_beams.of(light.photons), kept, stored, path, active & counts, ops.where(hits, hit.t, np.inf), origin)
+        stored_count = _store_beams(
+            photon_beams.of(light.photons), stored_count, stored, path, active & counts, ops.where(hits, hit.t, np.inf), origin
+        )
         hits = flights.without_scattered(flown, hits)
         if ops.not_(ops.any_lane(flights.any_vertex(flown, hits))):
             continue
@@ -260,41 +262,41 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, kept,
         power, divided = dispersion.divide_before(component, (power, divided), tables, point, shader, flights.surfaces(event, vertices))
         point = flights.place(event, point, path)
         record = _landing(shader, point, flights.surfaces(event, vertices), path.phase, power)
-        kept = _store(stored, kept, record, path.direction, origin)
-        kept = _store_collisions(event, kept, stored, scene, path, power, share, key, origin)
+        stored_count = _store(stored, stored_count, record, path.direction, origin)
+        stored_count = _store_collisions(event, stored_count, stored, scene, path, power, share, key, origin)
         onward, going = _scatter(tables, light, event, path, (point, shader), vertices, (before, power), key, (component, divided))
         onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
         if ops.any_lane(going):
             _push_photon(memory, 1 - source, going_on, onward, number, index, going)
             going_on += simd.count(going)
-    return going_on, kept
+    return going_on, stored_count
 
 
 @helper
 def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -> tuple[PathState, Lane, Lane]:
     """(photons i …, their maps, their numbers in these); the phase of a photon is its flags."""
-    base, at, table = source * STATE * ROW, source * ROW + i, medium_stack.scattering(tables)
+    base, element, table = source * STATE * ROW, source * ROW + i, medium_stack.scattering(tables)
     start, direction = load3(memory.state, base, 0, i), load3(memory.state, base, 3, i)
     power = load3(memory.state, base, 6, i)
     flags, number, index = load3(memory.index, source * 3 * ROW, 0, i)
     zero, straight = 0.0 * start[0], ops.bool_like(start[0], False)
-    inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, at, media.stored_depth(table, depth))
-    near = load_near(table, None, memory, at)
+    inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, element, media.stored_depth(table, depth))
+    near = load_near(table, None, memory, element)
     body = load_body(medium_stack.initial_body(tables, zero), None, memory.body, source * 4 * ROW + i, depth)
     return PathState(start, direction, power, zero, straight, inside, flags, None, None, near, body, None, None), number, index
 
 
 @helper
-def _push_photon(memory: Any, target: int, kept: int, onward: PathState, number: Lane, index: Lane, going: Lane) -> None:
-    """Store the photons of a mask after `kept` ones of the next depth."""
-    base, at = target * STATE * ROW + kept, target * ROW + kept
+def _push_photon(memory: Any, target: int, first: int, onward: PathState, number: Lane, index: Lane, going: Lane) -> None:
+    """Store the photons of a mask after `first` ones of the next depth."""
+    base, element = target * STATE * ROW + first, target * ROW + first
     compress_store3(memory.state, base, onward.origin, going)
     compress_store3(memory.state, base + 3 * ROW, onward.direction, going)
     compress_store3(memory.state, base + 6 * ROW, onward.weight, going)
-    compress_store3(memory.index, target * 3 * ROW + kept, (ops.to_int(onward.phase) + 0 * number, number, index), going)
-    store_optional(onward.inside, None, memory.inside, at, going)
-    store_optional(onward.near, None, memory.near, at, going)
-    store_body(onward.body, None, memory.body, target * 4 * ROW + kept, going)
+    compress_store3(memory.index, target * 3 * ROW + first, (ops.to_int(onward.phase) + 0 * number, number, index), going)
+    store_optional(onward.inside, None, memory.inside, element, going)
+    store_optional(onward.near, None, memory.near, element, going)
+    store_body(onward.body, None, memory.body, target * 4 * ROW + first, going)
 
 
 @helper
@@ -308,11 +310,12 @@ def _landing(shader: Shader, point: Surface, surfaces: Lane, flags: Lane, power:
 
 @helper
 def _scatter(
-    tables: Tables, light: Any, event: Any, path: PathState, at: tuple[Surface, Shader], vertices: Lane, powers: tuple[Vec, Vec], key: Key,
+    tables: Tables, light: Any, event: Any, path: PathState, shading: tuple[Surface, Shader], vertices: Lane, powers: tuple[Vec, Vec],
+    key: Key,
     wavelength: Any,
 ) -> tuple[PathState, Lane]:  # fmt: skip
     """(photons that leave a vertex, whether they go on); `powers` are those before and after the flight, `wavelength` chosen."""
-    (point, shader), (before, power) = at, powers
+    (point, shader), (before, power) = shading, powers
     number, index, depth, seed = key.pixel, key.sample, key.depth, key.seed
     direction, flags = path.direction, path.phase
     bent, spread, thrown = (flags & BENT) != 0, (flags & SPREAD) != 0, (flags & THROWN) != 0
@@ -348,28 +351,28 @@ def _scatter(
     return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, body, None, None), going
 
 
-def _sample_covered_lobe(caustic_reflectance: Any, plain: Any, *of: Any) -> Any:
+def _sample_covered_lobe(caustic_reflectance: Any, default: Any, *arguments: Any) -> Any:
     raise NotImplementedError
 
 
 @overload(_sample_covered_lobe)
-def _sample_covered_lobe_in_kernels(caustic_reflectance, plain, *of):
+def _sample_covered_lobe_in_kernels(caustic_reflectance, default, *arguments):
     """(bounce, where a highlight reflects the photon first); compiled only in scenes with such highlights."""
     if isinstance(caustic_reflectance, types.Array):
-        return lambda caustic_reflectance, plain, *of: _sample_lobe(caustic_reflectance, plain, *of)
-    return lambda caustic_reflectance, plain, *of: (plain, ops.bool_like(plain.chance, False))
+        return lambda caustic_reflectance, default, *arguments: _sample_lobe(caustic_reflectance, default, *arguments)
+    return lambda caustic_reflectance, default, *arguments: (default, ops.bool_like(default.chance, False))
 
 
 @helper
 def _sample_lobe(
-    caustic_reflectance: Any, plain: Bounce, point: Surface, shader: Shader, arriving: Vec, numbers: tuple[Lane, Lane, Lane], first: Lane
+    caustic_reflectance: Any, default: Bounce, point: Surface, shader: Shader, arriving: Vec, numbers: tuple[Lane, Lane, Lane], first: Lane
 ) -> tuple[Bounce, Lane]:  # fmt: skip
     """Sample the highlight alone: paths find the light of the diffuse part.
 
     The aims send fewer photons here, by their gain; reflected photons make up for it.
     """
     sampled = first & photon_covers_lobe(caustic_reflectance, point, shader)
-    direction, weight, chance = plain
+    direction, weight, chance = default
     if ops.any_lane(sampled):
         u, v, which = numbers
         to, share = bsdf.sample_lobe(shader, point.normal, ops.negate(arriving), u, v, which)
@@ -400,30 +403,30 @@ _part = blend.if_blended(_sample_part)
 
 
 @helper
-def _store(stored: Any, kept: int, record: Record, direction: Vec, origin: Any) -> int:
-    """Write the photons of a record, if there is space, after `kept` ones; return the number of all."""
+def _store(stored: Any, stored_count: int, record: Record, direction: Vec, origin: Any) -> int:
+    """Write the photons of a record, if there is space, after `stored_count` ones; return the number of all."""
     space, lands = stored.shape[1], record.lands
     if ops.not_(ops.any_lane(lands)):
-        return kept
-    if kept + PAD <= space:
+        return stored_count
+    if stored_count + PAD <= space:
         place = record.place
         place = (place[0] - origin[0], place[1] - origin[1], place[2] - origin[2])
-        _store3(stored, kept, place, lands)
-        _store3(stored, 3 * space + kept, ops.negate(direction), lands)
-        _store3(stored, 6 * space + kept, record.power, lands)
-        _store3(stored, 9 * space + kept, record.normal, lands)
-        compress_store(stored, 12 * space + kept, record.code, lands)
-    return kept + simd.count(lands)
+        _store3(stored, stored_count, place, lands)
+        _store3(stored, 3 * space + stored_count, ops.negate(direction), lands)
+        _store3(stored, 6 * space + stored_count, record.power, lands)
+        _store3(stored, 9 * space + stored_count, record.normal, lands)
+        compress_store(stored, 12 * space + stored_count, record.code, lands)
+    return stored_count + simd.count(lands)
 
 
 @helper
 def _store_scattered(
-    event: Any, kept: int, stored: Any, scene: Any, path: PathState, power: Vec, share: float, key: Key, origin: Any
+    event: Any, stored_count: int, stored: Any, scene: Any, path: PathState, power: Vec, share: float, key: Key, origin: Any
 ) -> int:  # fmt: skip
     lands, fluence, code = media.collision(event, None, scene.tables, path, power, share, key)
     lands = photon_beams.unbeamed(photon_beams.of(scene.light.photons), lands, path)
     zero = 0.0 * power[0]
-    return _store(stored, kept, Record(lands, event.position, (zero, zero, zero), fluence, code), path.direction, origin)
+    return _store(stored, stored_count, Record(lands, event.position, (zero, zero, zero), fluence, code), path.direction, origin)
 
 
 @helper
@@ -439,6 +442,6 @@ _store_collisions = specialize_if_present(_store_scattered)  # (event, kept, …
 
 
 @helper
-def _store3(stored: Any, at: int, v: Vec, lands: Lane) -> None:
+def _store3(stored: Any, element: int, v: Vec, lands: Lane) -> None:
     for k in range(3):
-        compress_store(stored, at + k * stored.shape[1], v[k], lands)
+        compress_store(stored, element + k * stored.shape[1], v[k], lands)

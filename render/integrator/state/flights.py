@@ -40,7 +40,7 @@ class Event(NamedTuple):
 
 
 @helper
-def _fly(table: Any, plain: Any, tables: Tables, path: PathState, active: Lane, t: Lane, index: PathSample, time: Any) -> Flown:
+def _fly(table: Any, default: Any, tables: Tables, path: PathState, active: Lane, t: Lane, index: PathSample, time: Any) -> Flown:
     zero = 0.0 * path.density
     number = ops.where(active, medium_stack.top(path.inside), 0)
     none = tracking.Flight(ops.bool_like(zero, False), t, (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero))
@@ -72,7 +72,7 @@ def _any_vertex(flown: Flown, surfaces: Lane) -> Lane:
 
 
 @helper
-def _event(flown: Flown, plain: Any, tables: Tables, path: PathState, point: Surface, surfaces: Lane) -> Event:
+def _event(flown: Flown, default: Any, tables: Tables, path: PathState, point: Surface, surfaces: Lane) -> Event:
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     inside = medium_stack.top(path.inside)
     t = ops.where(flown.scattered, flown.t, 0.0)
@@ -106,51 +106,51 @@ def _place(event: Event, point: Surface, path: PathState) -> Surface:
 
 
 @helper
-def _or_scattered(event: Event, plain: Lane) -> Lane:
-    return plain | event.scattered
+def _or_scattered(event: Event, default: Lane) -> Lane:
+    return default | event.scattered
 
 
 @helper
-def _evaluate(event: Event, plain: tuple[Vec, Lane], to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
+def _evaluate(event: Event, default: tuple[Vec, Lane], to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     cosine = -ops.dot(to_light, to_viewer)
     density = phase_table.density(event.draine, phase.density(event.anisotropy, cosine), event.number, cosine)
     share = 3.141592653589793 * density
     scattered = event.scattered
-    return ops.where3(scattered, (share, share, share), plain[0]), ops.where(scattered, density, plain[1])
+    return ops.where3(scattered, (share, share, share), default[0]), ops.where(scattered, density, default[1])
 
 
 @helper
-def _scatter(event: Event, plain: Scattered, direction: Vec, u: Lane, v: Lane) -> Scattered:
+def _scatter(event: Event, default: Scattered, direction: Vec, u: Lane, v: Lane) -> Scattered:
     if ops.not_(ops.any_lane(event.scattered)):
-        return plain
+        return default
     onward, density = phase.sample(event.anisotropy, direction, u, v)
     plain_phase = onward, 0.0 * density + 1.0, density
     onward, weight, density = phase_table.sample(event.draine, plain_phase, event.number, direction, u, v)
     scattered = event.scattered
     return Scattered(
-        ops.where3(scattered, onward, plain.direction), ops.where3(scattered, (weight, weight, weight), plain.weight),
-        ops.where(scattered, density, plain.density),
-        plain.through & ops.not_(scattered),
+        ops.where3(scattered, onward, default.direction), ops.where3(scattered, (weight, weight, weight), default.weight),
+        ops.where(scattered, density, default.density),
+        default.through & ops.not_(scattered),
     )  # fmt: skip
 
 
 @helper
-def _survival(event: Event, plain: Lane, chance: Lane) -> Lane:
-    return ops.where(event.scattered, ops.minimum(chance, 1.0), plain)
+def _survival(event: Event, default: Lane, chance: Lane) -> Lane:
+    return ops.where(event.scattered, ops.minimum(chance, 1.0), default)
 
 
 @helper
-def _at_start(event: Event, plain: Any, like: Lane) -> Lane:
+def _at_start(event: Event, default: Any, like: Lane) -> Lane:
     return 0.0 * like
 
 
 @helper
-def _carried(event: Event, plain: Any, inside: Lane) -> Lane:
+def _carried(event: Event, default: Any, inside: Lane) -> Lane:
     return inside
 
 
 @helper
-def _untested(event: Event, plain: Lane, reach: Lane) -> Lane:
+def _untested(event: Event, default: Lane, reach: Lane) -> Lane:
     return -ops.maximum(reach, 1e-30)
 
 
@@ -162,11 +162,11 @@ def behind(point: Surface, direction: Vec, t: Lane) -> Lane:
 
 
 @helper
-def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, path: PathState, point: Surface, t: Lane) -> Any:
+def _pass_boundary(event: Event, default: tuple[PathState, Lane], tables: Tables, path: PathState, point: Surface, t: Lane) -> Any:
     """(continuation of paths, whether they go on) with those that pass an invisible boundary: the same ray, from behind it."""
-    passes, onward = event.passes, plain[0]
+    passes, onward = event.passes, default[0]
     if ops.not_(ops.any_lane(passes)):
-        return plain
+        return default
     inside = medium_stack.cross_boundary(path.inside, None, tables, point, path.direction)
     passed = PathState(
         ops.where3(passes, path.origin, onward.origin), ops.where3(passes, path.direction, onward.direction),
@@ -177,12 +177,12 @@ def _pass_boundary(event: Event, plain: tuple[PathState, Lane], tables: Tables, 
         bodies.choose(path.body, onward.body, passes), _leave(onward.leaving, None, point, path, inside, passes),
         dispersion.keep(onward.divided, None, path.divided, passes),
     )  # fmt: skip
-    return passed, plain[1] | (passes & (ops.largest(path.weight) > 0.0))
+    return passed, default[1] | (passes & (ops.largest(path.weight) > 0.0))
 
 
 @helper
-def _leave_boundary(plain: Lane, absent: Any, point: Surface, path: PathState, inside: Lane, passes: Lane) -> Lane:
-    return ops.where(passes, boundary_cosine(point, path.direction, path.inside, inside), plain)
+def _leave_boundary(default: Lane, absent: Any, point: Surface, path: PathState, inside: Lane, passes: Lane) -> Lane:
+    return ops.where(passes, boundary_cosine(point, path.direction, path.inside, inside), default)
 
 
 _leave = specialize_if_present(_leave_boundary)
@@ -196,13 +196,13 @@ def boundary_cosine(point: Surface, direction: Vec, before: Lane, after: Lane) -
 
 
 @helper
-def _choose3(first: Vec, second: Vec, taken: Lane) -> Vec:
-    return ops.where3(taken, first, second)
+def _choose3(first: Vec, second: Vec, takes_first: Lane) -> Vec:
+    return ops.where3(takes_first, first, second)
 
 
 @helper
-def _choose(first: Lane, second: Lane, taken: Lane) -> Lane:
-    return ops.where(taken, first, second)
+def _choose(first: Lane, second: Lane, takes_first: Lane) -> Lane:
+    return ops.where(takes_first, first, second)
 
 
 choose_facing, choose_links = specialize_if_present(_choose3), specialize_if_present(_choose)

@@ -184,7 +184,8 @@ def _scaling(alpha: F64, cosine: F64, lost: F64) -> tuple[F64, F64]:
     below = np.concatenate([h[1:], h[-1:]])
     s, c = (np.sqrt(grey / whole) - GREY) / (1.0 - GREY), twice / whole
     tables = (h, np.roll(h, -1, 1), below, np.roll(below, -1, 1)), (s, c, np.roll(s, -1, 1), np.roll(c, -1, 1))
-    return tuple(np.ascontiguousarray(np.stack(numbers, axis=-1).reshape(-1, 4)) for numbers in tables)
+    first, second = (np.ascontiguousarray(np.stack(numbers, axis=-1).reshape(-1, 4)) for numbers in tables)
+    return first, second
 
 
 def raise_to_bound(rows: F64) -> F64:

@@ -24,7 +24,8 @@ def given(**arguments):
     """A row by the names of the element's arguments: numbers, greys or colours."""
     inputs = {}
     for name, value in arguments.items():
-        inputs[_SLOTS.get(name) or ir.Slot[name.upper()]] = Input(value if isinstance(value, tuple) else (float(value),) * 3)
+        red, green, blue = value if isinstance(value, tuple) else (float(value),) * 3
+        inputs[_SLOTS.get(name) or ir.Slot[name.upper()]] = Input((red, green, blue))
     return element.data(inputs)
 
 

@@ -18,6 +18,7 @@ DARKEST = 1e-6  # least component of a colour inside glass: 0 has infinite absor
 KHRONOS = 20.0  # over the Abbe number: the measure of dispersion of KHR_materials_dispersion and OpenPBR
 LINES = 0.4861327, 0.5875618, 0.6562725  # µm: F, d and C, by which the Abbe number is defined
 VIOLET, RED = 0.40, 0.70  # µm: the ends of POV-Ray's spectrum
+MOST_DISPERSION = 4.0
 DEPTH = 0.1  # metres, that the colour inside refers to by default
 
 
@@ -53,7 +54,7 @@ ELEMENTS = (
                 roughness(0.0),
                 Arg(
                     "dispersion", "number", 0.0, "20 over the Abbe number: crown glass 0.31, diamond 0.36, flint glass 0.56; 0: none",
-                    minimum=0.0, maximum=4.0, keyword=True,
+                    minimum=0.0, maximum=MOST_DISPERSION, keyword=True,
                 ),
                 Arg("inside", "color", None, "transmittance of the length `depth` inside of it (Beer-Lambert law)", keyword=True),
                 Arg("depth", "length", None, "length that `inside` refers to; default 10 cm", above=0.0, keyword=True),

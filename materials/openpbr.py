@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..compiler import ir
 from ..compiler.scene.metallic_roughness import NOTHING
-from ..compiler.scene.row_records import WHITE, Input, MaterialData, MediumData, as_color, scale_color
+from ..compiler.scene.row_records import BLACK, WHITE, Input, MaterialData, MediumData, as_color, scale_color
 from ..lang.schema.argument_types import Arg, Entry
 from . import losses, subsurface
 from .arguments import SURFACE
 from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
+from .glass import KHRONOS, MOST_DISPERSION
 
 MODEL = ir.MaterialModel.OPENPBR
 Slot = ir.Slot
@@ -67,6 +69,28 @@ def data(given: Mapping[ir.Slot, Input], **more: Any) -> MaterialData:
     return MaterialData(MODEL, inputs | dict(given), **more)
 
 
+_CLEAR: Mapping[ir.Slot, float] = {
+    Slot.TRANSMISSION_WEIGHT: 1.0, Slot.THIN_WALLED: 0.0, Slot.METALLIC: 0.0, Slot.ANISOTROPY: 0.0, Slot.COAT: 0.0, Slot.FUZZ: 0.0,
+    Slot.FILM: 0.0, Slot.SPECULAR_WEIGHT: 1.0, Slot.SPECULAR: 1.0, Slot.EMISSION: 0.0,
+}  # fmt: skip
+"""Inputs of slabs that are glass and nothing else."""
+
+
+def simplified(row: MaterialData) -> MaterialData:
+    """Glass in place of slabs that are nothing else: it keeps the light of further bounces in rough refraction, and has dispersion."""
+    for slot, value in _CLEAR.items():
+        entry = row.inputs.get(slot, Input.number(0.0))
+        if entry.texture >= 0 or any(component != value for component in entry.value[: 3 if slot in _COLORED else 1]):
+            return row
+    inputs = {slot: entry for slot, entry in row.inputs.items() if slot in _OF_GLASS}
+    inputs |= {Slot.TRANSMISSION: row.inputs[Slot.TRANSMISSION_COLOR], Slot.PRIORITY: Input.number(0.0), Slot.ABSORPTION: Input(BLACK)}
+    return replace(row, model=ir.MaterialModel.GLASS, inputs=inputs)
+
+
+_COLORED = (Slot.SPECULAR, Slot.EMISSION)
+_OF_GLASS = (Slot.IOR, Slot.ROUGHNESS, Slot.DISPERSION, Slot.NORMAL, Slot.BUMP, Slot.OPACITY)
+
+
 def _lower(arguments: Arguments) -> MaterialData:
     color = arguments.color("emission_color")
     given = {slot: arguments.number(name) for name, (slot, *_) in NUMBERS.items()}
@@ -76,8 +100,20 @@ def _lower(arguments: Arguments) -> MaterialData:
     if arguments.args["geometry_thin_walled"]:
         _thin_walled(arguments)
         given[Slot.SUBSURFACE_ANISOTROPY] = Input.number(arguments.args["subsurface_scatter_anisotropy"])
-        return data(given)
-    return data(given, medium=_medium(arguments, given))
+        return _with_dispersion(arguments, data(given))
+    row = simplified(data(given, medium=_medium(arguments, given)))
+    return _with_dispersion(arguments, row)
+
+
+def _with_dispersion(arguments: Arguments, row: MaterialData) -> MaterialData:
+    scale, abbe = arguments.args["transmission_dispersion_scale"], arguments.args["transmission_dispersion_abbe_number"]
+    if scale == 0.0:
+        return row
+    if row.model != ir.MaterialModel.GLASS:
+        message = "openpbr: `transmission_dispersion_scale` counts in glass alone: `transmission_weight: 1` without film, coat or fuzz"
+        arguments.error(message, "leave it out, or leave out the others")
+        return row
+    return replace(row, inputs={**row.inputs, Slot.DISPERSION: Input.number(min(KHRONOS * scale / abbe, MOST_DISPERSION))})
 
 
 INSIDE = (("transmission_depth", 0.0), ("transmission_scatter", (0.0, 0.0, 0.0)), ("transmission_scatter_anisotropy", 0.0))
@@ -166,6 +202,11 @@ ELEMENTS = (
                 Arg("transmission_depth", "length", 0.0, "length that `transmission_color` refers to; 0: none", minimum=0.0, keyword=True),
                 Arg("transmission_scatter", "color", (0.0, 0.0, 0.0), "colour that it scatters over `transmission_depth`", keyword=True),
                 _phase("transmission_scatter_anisotropy", "of light that the inside scatters"),
+                Arg(
+                    "transmission_dispersion_scale", "number", 0.0, "strength of the dispersion of glass; 1: of this Abbe number",
+                    minimum=0.0, maximum=1.0, keyword=True,
+                ),
+                Arg("transmission_dispersion_abbe_number", "number", 20.0, "Abbe number: diamond 55, flint 36", above=0.0, keyword=True),
                 Arg("subsurface_radius", "length", 0.01, "how far light goes below the surface of a body", above=0.0, keyword=True),
                 Arg("subsurface_radius_scale", "color", (1.0, 0.5, 0.25), "factors of the radius in red, green and blue", keyword=True),
                 _phase("subsurface_scatter_anisotropy", "of light that a body scatters; of a thin wall, its share that passes"),

@@ -102,7 +102,7 @@ SLOTS: dict[IntEnum, str] = {  # each with an image where it takes one
     ir.Slot.FILM_THICKNESS: f"openpbr(0.5, thin_film_weight: 1, thin_film_thickness: {_IMAGE})",
     ir.Slot.FILM_IOR: f"openpbr(0.5, thin_film_weight: 1, thin_film_ior: {_IMAGE})",
     ir.Slot.TRANSMISSION_WEIGHT: f"openpbr(0.5, specular_roughness: 0.4, transmission_weight: {_IMAGE})",
-    ir.Slot.TRANSMISSION_COLOR: f"openpbr(0.5, specular_roughness: 0.4, transmission_weight: 1, transmission_color: {_IMAGE})",
+    ir.Slot.TRANSMISSION_COLOR: f"openpbr(specular_roughness: 0.4, transmission_weight: 1, coat_weight: 1, transmission_color: {_IMAGE})",
     ir.Slot.SUBSURFACE_WEIGHT: f"openpbr(0.5, geometry_thin_walled: true, subsurface_weight: {_IMAGE})",
     ir.Slot.SUBSURFACE_COLOR: f"openpbr(0.5, geometry_thin_walled: true, subsurface_weight: 1, subsurface_color: {_IMAGE})",
     ir.Slot.THIN_WALLED: "openpbr(0.5, specular_roughness: 0.4, transmission_weight: 1, geometry_thin_walled: true)",

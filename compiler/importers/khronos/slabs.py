@@ -64,7 +64,7 @@ class Slabs:
         """The material of solid glass with these lobes, around a medium."""
         given = self._given(replace(surface, metallic=NOTHING), written)
         given |= {Slot.TRANSMISSION_WEIGHT: Input.number(1.0), Slot.TRANSMISSION_COLOR: surface.diffuse}
-        return openpbr.data(given, name=surface.name, medium=medium)
+        return openpbr.simplified(openpbr.data(given, name=surface.name, medium=medium))
 
     def _given(self, surface: Surface, written: dict[str, Any]) -> dict[Slot, Input]:
         s, extensions = surface, written.get("extensions", {})

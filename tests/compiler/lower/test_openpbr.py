@@ -33,7 +33,31 @@ def test_a_depth_makes_a_medium(compiled) -> None:
     shift = extinction - (-np.log([0.5, 0.25, 1.0]) / 2)
     assert np.allclose(tables.media.scattering[row], 0.05)
     assert np.allclose(shift, shift[0])  # where scattering exceeds extinction, absorption is raised in all channels alike
-    assert tables.materials.values[0, Slot.TRANSMISSION_COLOR].tolist() == [1.0] * 3
+    assert tables.materials.values[0, Slot.TRANSMISSION].tolist() == [1.0] * 3
+
+
+def test_clear_slabs_are_glass(compiled) -> None:
+    """Slabs that are glass and nothing else keep the light of further bounces, and may have dispersion."""
+    text = "transmission_weight: 1, specular_roughness: 0.4, specular_ior: 1.6, transmission_color: #80c0ff"
+    slabs = "openpbr({}, transmission_dispersion_scale: 0.5, transmission_dispersion_abbe_number: 40)"
+    own, glass = (
+        compiled(f"sphere(1, material: {material})" + REST).tables.materials
+        for material in (slabs.format(text), "glass(#80c0ff, ior: 1.6, roughness: 0.4, dispersion: 0.25)")
+    )
+    assert own.model[0] == glass.model[0] == ir.MaterialModel.GLASS
+    assert (own.values[0] == glass.values[0]).all()
+
+
+OTHERS = (
+    "coat_weight: 0.1", "thin_film_weight: 1", "fuzz_weight: 0.1", "specular_color: #ff0000", "base_metalness: 0.5",
+    "specular_weight: 0.5", "specular_roughness_anisotropy: 0.5", "geometry_thin_walled: true",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("more", OTHERS)
+def test_other_slabs_are_no_glass(compiled, more: str) -> None:
+    materials = compiled(f"sphere(1, material: openpbr(transmission_weight: 1, {more}))" + REST).tables.materials
+    assert materials.model[0] == ir.MaterialModel.OPENPBR
 
 
 def test_a_body_is_that_of_subsurface(compiled) -> None:
@@ -57,6 +81,8 @@ def test_emission_is_in_nit(compiled) -> None:
     [
         ("transmission_weight: 1, subsurface_weight: 1", "both above 0"),
         ("transmission_depth: 1", "no effect without `transmission_weight`"),
+        ("transmission_dispersion_scale: 1", "counts in glass alone"),
+        ("transmission_weight: 1, geometry_thin_walled: true, transmission_dispersion_scale: 1", "counts in glass alone"),
         ("transmission_weight: 1, transmission_scatter: rgb(0, 0, 1)", "no effect without `transmission_depth`"),
         ("geometry_thin_walled: true, transmission_weight: 1, transmission_depth: 1", "a thin wall has none"),
         ("subsurface_weight: 1, subsurface_color: checker(#fff, #000, size: 1)", "is one colour"),

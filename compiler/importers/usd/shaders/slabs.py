@@ -341,7 +341,7 @@ class Rows:
             slots[Slot.SUBSURFACE_ANISOTROPY] = Input.number(min(max(anisotropy, -1.0), 1.0))
         elif self._depth(inputs) > 0.0:
             slots[Slot.TRANSMISSION_COLOR] = Input(WHITE)
-        return openpbr.data(slots | self.maps, name=self.name, medium=medium)
+        return openpbr.simplified(openpbr.data(slots | self.maps, name=self.name, medium=medium))
 
     def _depth(self, inputs: Mapping[str, Any]) -> float:
         return self.reader.constant(inputs["transmission_depth"], 0.0) * self.metres

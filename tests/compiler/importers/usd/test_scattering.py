@@ -69,8 +69,8 @@ def test_glass_with_a_depth_has_a_medium(tmp_path):
         float inputs:transmission_depth = 2
         color3f inputs:transmission_scatter = (0.1, 0.1, 0)"""
     scene, messages = drawn(tmp_path, inputs, header="metersPerUnit = 0.01")
-    assert (model_of(scene), messages) == (ir.MaterialModel.OPENPBR, [])
-    assert (slot(scene, "TRANSMISSION_WEIGHT")[0], slot(scene, "TRANSMISSION_COLOR")) == (1.0, [1, 1, 1])
+    assert (model_of(scene), messages) == (ir.MaterialModel.GLASS, [])
+    assert slot(scene, "TRANSMISSION") == [1, 1, 1]
     media = scene.tables.media
     assert media.scattering[0] == pytest.approx([5, 5, 0], rel=1e-5)
     assert (media.scattering + media.absorption)[0] == pytest.approx([math.log(2) / 0.02, math.log(4) / 0.02, 0.0], rel=1e-5, abs=1e-9)

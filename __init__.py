@@ -160,9 +160,9 @@ def sweep(source: "str | Path", *, plan: Mapping[str, str] | None = None, **opti
     settings, others = split(options)
     loading = {name: value for name, value in others.items() if name in LOADING}
     params = {name: value for name, value in others.items() if name not in LOADING}
-    loading["ocio"], found = settings.get("ocio"), loading.get("diagnostics")
+    loading["ocio"], diagnostics = settings.get("ocio"), loading.get("diagnostics")
     return [
-        Swept(values, load(source, **loading, **values).render(plan=plan, diagnostics=found, **settings))
+        Swept(values, load(source, **loading, **values).render(plan=plan, diagnostics=diagnostics, **settings))
         for values in list(combinations(params))
     ]
 

@@ -43,12 +43,12 @@ def _brushed(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> MaterialData
     if arguments.shading == ir.Shading.GOURAUD:
         arguments.error("metal: light of an anisotropic metal is computed at points", 'leave out `shading: "gouraud"`')
     turns = Input.number(0.0) if arguments.args["rotation"] is None else arguments.number("rotation")
-    given = {
+    slabs = {
         ir.Slot.METALLIC: Input.number(1.0), ir.Slot.DIFFUSE: inputs[ir.Slot.SPECULAR], ir.Slot.SPECULAR: inputs[ir.Slot.EDGE],
         ir.Slot.ROUGHNESS: inputs[ir.Slot.ROUGHNESS], ir.Slot.ANISOTROPY: arguments.number("anisotropy"), ir.Slot.ROTATION: turns,
     }  # fmt: skip
     shading = ir.Shading.SMOOTH if arguments.shading == ir.Shading.GOURAUD else arguments.shading
-    return openpbr.data(given, shading=shading)
+    return openpbr.data(slabs, shading=shading)
 
 
 ELEMENTS = (

@@ -93,15 +93,15 @@ _OF_GLASS = (Slot.IOR, Slot.ROUGHNESS, Slot.DISPERSION, Slot.NORMAL, Slot.BUMP, 
 
 def _lower(arguments: Arguments) -> MaterialData:
     color = arguments.color("emission_color")
-    given = {slot: arguments.number(name) for name, (slot, *_) in NUMBERS.items()}
-    given |= {slot: arguments.color(name) for name, (slot, *_) in COLORS.items()}
-    given[Slot.EMISSION] = Input(scale_color(color.value, arguments.args["emission_luminance"]), color.texture)
-    given[Slot.THIN_WALLED] = Input.number(float(arguments.args["geometry_thin_walled"]))
+    inputs = {slot: arguments.number(name) for name, (slot, *_) in NUMBERS.items()}
+    inputs |= {slot: arguments.color(name) for name, (slot, *_) in COLORS.items()}
+    inputs[Slot.EMISSION] = Input(scale_color(color.value, arguments.args["emission_luminance"]), color.texture)
+    inputs[Slot.THIN_WALLED] = Input.number(float(arguments.args["geometry_thin_walled"]))
     if arguments.args["geometry_thin_walled"]:
         _thin_walled(arguments)
-        given[Slot.SUBSURFACE_ANISOTROPY] = Input.number(arguments.args["subsurface_scatter_anisotropy"])
-        return _with_dispersion(arguments, data(given))
-    row = simplified(data(given, medium=_medium(arguments, given)))
+        inputs[Slot.SUBSURFACE_ANISOTROPY] = Input.number(arguments.args["subsurface_scatter_anisotropy"])
+        return _with_dispersion(arguments, data(inputs))
+    row = simplified(data(inputs, medium=_medium(arguments, inputs)))
     return _with_dispersion(arguments, row)
 
 
@@ -119,8 +119,8 @@ def _with_dispersion(arguments: Arguments, row: MaterialData) -> MaterialData:
 INSIDE = (("transmission_depth", 0.0), ("transmission_scatter", (0.0, 0.0, 0.0)), ("transmission_scatter_anisotropy", 0.0))
 
 
-def _is_set(given: Input) -> bool:
-    return given.texture >= 0 or given.value[0] > 0.0
+def _is_set(entry: Input) -> bool:
+    return entry.texture >= 0 or entry.value[0] > 0.0
 
 
 def _thin_walled(arguments: Arguments) -> None:
@@ -130,30 +130,30 @@ def _thin_walled(arguments: Arguments) -> None:
             arguments.error(f"openpbr: `{name}` is that of an inside, and a thin wall has none", f"leave out `{name}`")
 
 
-def _medium(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
+def _medium(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
     """The row of the medium inside, -1 without; with errors for what has no effect."""
-    clear, spread = _is_set(given[Slot.TRANSMISSION_WEIGHT]), _is_set(given[Slot.SUBSURFACE_WEIGHT])
+    clear, spread = _is_set(inputs[Slot.TRANSMISSION_WEIGHT]), _is_set(inputs[Slot.SUBSURFACE_WEIGHT])
     if clear and spread:
         message = "openpbr: `transmission_weight` and `subsurface_weight` are both above 0, and a shape is filled by one medium"
         arguments.error(message, "leave out one of them, or give `geometry_thin_walled: true`")
         return -1
     if clear and arguments.args["transmission_depth"] > 0.0:
-        return _murky(arguments, given)
+        return _murky(arguments, inputs)
     for name, default in reversed(INSIDE):
         if arguments.args[name] != default:
             needed = "`transmission_depth`" if clear else "`transmission_weight`"
             arguments.error(f"openpbr: `{name}` has no effect without {needed}", f"give {needed}, or leave out `{name}`")
             return -1
-    return _body(arguments, given) if spread else -1
+    return _body(arguments, inputs) if spread else -1
 
 
-def _murky(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
+def _murky(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
     """What absorbs white light to `transmission_color` in `transmission_depth`, and scatters `transmission_scatter` of it."""
-    color, depth = given[Slot.TRANSMISSION_COLOR], arguments.args["transmission_depth"]
+    color, depth = inputs[Slot.TRANSMISSION_COLOR], arguments.args["transmission_depth"]
     if color.texture >= 0:
         arguments.error("openpbr: `transmission_color` is that of the inside, which has one colour", "leave out `transmission_depth`")
         return -1
-    given[Slot.TRANSMISSION_COLOR] = Input(WHITE)
+    inputs[Slot.TRANSMISSION_COLOR] = Input(WHITE)
     extinction = -np.log(np.maximum(np.array(color.value), DARKEST)) / depth
     scattering = np.array(arguments.args["transmission_scatter"]) / depth
     absorption = np.maximum(extinction - scattering, 0.0) if np.all(extinction >= scattering) else extinction - scattering
@@ -162,9 +162,9 @@ def _murky(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
     return arguments.medium(MediumData(as_color(scattering), as_color(absorption), anisotropy=anisotropy))
 
 
-def _body(arguments: Arguments, given: dict[ir.Slot, Input]) -> int:
+def _body(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
     """The medium of a body of `subsurface_color`. A phase function with a mean cosine g scatters 1/(1 − g) as often for the same body."""
-    color, lengths = given[Slot.SUBSURFACE_COLOR], arguments.args["subsurface_radius"]
+    color, lengths = inputs[Slot.SUBSURFACE_COLOR], arguments.args["subsurface_radius"]
     if color.texture >= 0:
         hint = "use subsurface(…), whose colour takes pictures, in a blend(…)"
         arguments.error("openpbr: `subsurface_color` of a solid body is one colour", hint)

@@ -150,19 +150,19 @@ def row(alpha: float, count: int) -> F64:
     up = (out + into) ** 2
     wide = float(table.spread_alpha(np.float64(alpha)))
     sizes = [(side + a * a * up) / (side + up) for a in (alpha, wide)]
-    whole, once = twice + more, _ggx(out, into, sizes[0], alpha)
+    total, once = twice + more, _ggx(out, into, sizes[0], alpha)
     y = wide * wide * up / (side + up) / sizes[1]
-    weight = (whole / (whole + once)).ravel()
+    weight = (total / (total + once)).ravel()
     of = _between(columns)
     pairs = np.einsum("ik,jl->ijkl", of, of).reshape(COSINES, COSINES, 1, -1) * np.ones((TURNS, 1))
     parts = [(pairs * (y**k)[..., None]).reshape(len(weight), -1) for k in range(3)]
     free = np.eye(COSINES)[:, None, None, :] + np.eye(COSINES)[None, :, None, :] + np.zeros((TURNS, 1))
-    ratio = np.log(np.maximum(whole, 1e-12) / _ggx(out, into, sizes[1], wide)).ravel()
+    ratio = np.log(np.maximum(total, 1e-12) / _ggx(out, into, sizes[1], wide)).ravel()
     r = _solve(parts, ratio, weight, free.reshape(len(weight), -1))
     mean = schlick / np.maximum(twice, 1e-12)
     s = _solve(parts[:2], mean.ravel(), weight)
     v = _solve(parts[:1], (product / np.maximum(twice, 1e-12) - mean * mean).ravel(), weight)
-    c = _solve(parts[:2], (twice / np.maximum(whole, 1e-12)).ravel(), weight)
+    c = _solve(parts[:2], (twice / np.maximum(total, 1e-12)).ravel(), weight)
     return np.moveaxis(np.concatenate([r, s, c, v]), 0, -1)
 
 

@@ -135,8 +135,8 @@ class Materials:
         medium, absorbed = self._medium(extensions), _attenuation(extensions)
         if medium == NONE and absorbed is not None:
             medium = self.builder.medium(MediumData(absorption=absorbed), Span(self.name))
-        made = slabs.Slabs(self.builder, self._picture, self.warn, self.name)
-        return made.glass(self._surface(written, base, 1.0, extensions), written, medium)
+        slabs_of_file = slabs.Slabs(self.builder, self._picture, self.warn, self.name)
+        return slabs_of_file.glass(self._surface(written, base, 1.0, extensions), written, medium)
 
     def _reflecting(self, surface: metallic_roughness.Surface, written: dict[str, Any]) -> MaterialData:
         """What a surface reflects: slabs of OpenPBR with anisotropy or iridescence, else `principled`."""

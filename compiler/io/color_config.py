@@ -138,11 +138,11 @@ class Config:
     def _scene_space(self) -> tuple[str, NDArray[np.float64] | None]:
         """A linear colour space, and the matrix from linear Rec.709 to it; None where it is that."""
         names = {color_spaces.find(space): space for space in reversed(self.spaces)}
-        for known in (color_spaces.find(_REC709), color_spaces.find("acescg"), color_spaces.find("aces2065_1")):
-            alias = _REC709 if known is not None and known.name == "lin_rec709" and self.has_space(_REC709) else names.get(known)
-            if alias and known is not None and known.primaries is not None:
-                plain = known.primaries == color_spaces.REC709
-                return alias, None if plain else np.array(color_spaces.matrix(color_spaces.REC709, known.primaries))
+        for row in (color_spaces.find(_REC709), color_spaces.find("acescg"), color_spaces.find("aces2065_1")):
+            alias = _REC709 if row is not None and row.name == "lin_rec709" and self.has_space(_REC709) else names.get(row)
+            if alias and row is not None and row.primaries is not None:
+                plain = row.primaries == color_spaces.REC709
+                return alias, None if plain else np.array(color_spaces.matrix(color_spaces.REC709, row.primaries))
         if self.has_space(_ACES_ROLE):
             return _ACES_ROLE, np.array(color_spaces.matrix(color_spaces.REC709, color_spaces.AP0))
         if self.has_space(_XYZ_ROLE):
@@ -187,7 +187,7 @@ def _check_files(path: Path) -> None:
 
 def _search_paths(text: str) -> list[str]:
     entries = [re.split(r"\n\s*-|[:,]", match[1]) for match in _SEARCH.finditer(text)]
-    return [entry.strip().strip("-[]\"' ") for found in entries for entry in found]
+    return [entry.strip().strip("-[]\"' ") for parts in entries for entry in parts]
 
 
 def _targets(base: Path, searched: list[str], name: str) -> Iterator[Path]:

@@ -61,9 +61,9 @@ def find(
         if integers:
             return Encoding(color_spaces.SRGB)
         return Encoding(color_spaces.LINEAR, _matrix(primaries) if color and primaries is not None else None)
-    known = color_spaces.find(space)
-    if known is not None:
-        return Encoding(known.transfer, _matrix(known.primaries) if color and known.primaries is not None else None)
+    named_space = color_spaces.find(space)
+    if named_space is not None:
+        return Encoding(named_space.transfer, _matrix(named_space.primaries) if color and named_space.primaries is not None else None)
     _check(space, config)
     return Encoding(color_spaces.LINEAR, config=config, space=space)
 

@@ -36,16 +36,16 @@ def facets(along: Vec, across: Vec, turns: Lane, roughness: Lane, anisotropy: La
     first, second = ops.maximum(first, SHARP), ops.maximum(first * narrow, SHARP)
     angle = (2.0 * math.pi) * turns
     c, s = ops.cos(angle), ops.sin(angle)
-    one, two = ops.add(ops.scale(along, c), ops.scale(across, s)), ops.sub(ops.scale(across, c), ops.scale(along, s))
-    return Facets(one, two, first, second, ops.sqrt(0.5 * (first * first + second * second)))
+    unity, two = ops.add(ops.scale(along, c), ops.scale(across, s)), ops.sub(ops.scale(across, c), ops.scale(along, s))
+    return Facets(unity, two, first, second, ops.sqrt(0.5 * (first * first + second * second)))
 
 
 @helper
 def alpha_seen(facets_: Facets, normal: Vec, direction: Vec) -> Lane:
     """α of round facets whose albedo in a direction is about the same: along the normal that of both, else nearer to its own side's."""
     x, y = ops.dot(direction, facets_.along), ops.dot(direction, facets_.across)
-    own = 0.5 * (facets_.first * facets_.first - facets_.second * facets_.second) * (x * x - y * y)
-    return ops.sqrt(ops.maximum(facets_.alpha * facets_.alpha + own, SHARP * SHARP))
+    anisotropic_part = 0.5 * (facets_.first * facets_.first - facets_.second * facets_.second) * (x * x - y * y)
+    return ops.sqrt(ops.maximum(facets_.alpha * facets_.alpha + anisotropic_part, SHARP * SHARP))
 
 
 @helper

@@ -177,12 +177,12 @@ def _scaling(alpha: F64, cosine: F64, lost: F64) -> tuple[F64, F64]:
     h = np.sqrt(lost)
     for _ in range(SCALINGS):
         h = np.sqrt(h * lost / np.maximum((sent[0] @ h[..., None])[..., 0], 1e-12))
-    whole, grey, twice = np.maximum((sent @ h[..., None])[..., 0], 1e-12)
-    over = np.max(np.divide(h * whole, lost, out=np.ones_like(lost), where=lost > 1e-9), axis=1)
+    total, grey, twice = np.maximum((sent @ h[..., None])[..., 0], 1e-12)
+    over = np.max(np.divide(h * total, lost, out=np.ones_like(lost), where=lost > 1e-9), axis=1)
     margin = SCALED[0] + np.maximum(SCALED[1] - alpha, 0.0)
     h = h * np.sqrt((1.0 - margin) / np.maximum(over, 1.0))[:, None]
     below = np.concatenate([h[1:], h[-1:]])
-    s, c = (np.sqrt(grey / whole) - GREY) / (1.0 - GREY), twice / whole
+    s, c = (np.sqrt(grey / total) - GREY) / (1.0 - GREY), twice / total
     tables = (h, np.roll(h, -1, 1), below, np.roll(below, -1, 1)), (s, c, np.roll(s, -1, 1), np.roll(c, -1, 1))
     first, second = (np.ascontiguousarray(np.stack(numbers, axis=-1).reshape(-1, 4)) for numbers in tables)
     return first, second

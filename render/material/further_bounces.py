@@ -53,9 +53,9 @@ def pair(coefficients: Any, out: Lane, into: Lane, alpha: Lane, y: Lane) -> tupl
     i, j = ops.minimum(ops.floor_int(out), COLUMNS - 2), ops.minimum(ops.floor_int(into), COLUMNS - 2)
     part, x, z = place - ops.to_float(row), out - ops.to_float(i), into - ops.to_float(j)
     first = (row * COLUMNS + i) * COLUMNS + j
-    one = _row(coefficients, first, x, z)
+    upper = _row(coefficients, first, x, z)
     below = _row(coefficients, first + COLUMNS * COLUMNS, x, z)
-    r0, r1, r2, s0, s1, c0, c1, v = _lerp(one, below, part)
+    r0, r1, r2, s0, s1, c0, c1, v = _lerp(upper, below, part)
     return ops.exp(r0 + y * (r1 + y * r2)), ops.clip(s0 + y * s1, 0.0, 1.0), v, ops.clip(c0 + y * c1, 0.0, 1.0)
 
 
@@ -79,10 +79,10 @@ def of_row(coefficients: F64, out: F64, into: F64, alpha: float, y: F64) -> tupl
     place = max(alpha**0.25 - FIRST, 0.0) * ((ROWS - 1.0) / (1.0 - FIRST))
     row = min(int(place), ROWS - 2)
     rows = coefficients.reshape(ROWS, COLUMNS, COLUMNS, NUMBERS)
-    here = rows[row] + (rows[row + 1] - rows[row]) * (place - row)
+    values = rows[row] + (rows[row + 1] - rows[row]) * (place - row)
     at = out.ravel() * (COLUMNS - 1.0)
     i = np.minimum(at.astype(np.int64), COLUMNS - 2)
-    lines = (here[i] + (here[i + 1] - here[i]) * (at - i)[:, None, None]).reshape(-1, NUMBERS)
+    lines = (values[i] + (values[i + 1] - values[i]) * (at - i)[:, None, None]).reshape(-1, NUMBERS)
     at = into * (COLUMNS - 1.0)
     j = np.minimum(at.astype(np.int64), COLUMNS - 2)
     first = (np.arange(len(out)) * COLUMNS)[:, None, None] + j

@@ -129,7 +129,7 @@ def step_of(ratio: Lane, weight: Lane) -> Lane:
 def _at(tables: Tables, surface: Surface) -> Slabs:
     materials: Any = tables.materials
     zero = ops.full_like(surface.offset, 0.0)
-    here = ops.bool_like(zero, False) | (materials.model[surface.material] == OPENPBR)
+    has_slabs = ops.bool_like(zero, False) | (materials.model[surface.material] == OPENPBR)
     tangent, across = tangent_frame.frame(surface.tangent, surface.normal)
     weight = ops.maximum(number_of(tables, surface, BASE_WEIGHT), 0.0)
     color = ops.scale(ops.mul(color_of(tables, surface, DIFFUSE), surface.color), weight)
@@ -137,7 +137,7 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
     metal, gleam = _share(tables, surface, METALLIC), number_of(tables, surface, SPECULAR_WEIGHT)
     tint, rough = _color(tables, surface, SPECULAR), _share(tables, surface, ROUGHNESS)
     bend = bend_of(color[0], tint[0]), bend_of(color[1], tint[1]), bend_of(color[2], tint[2])
-    coat = ops.where(here, _share(tables, surface, COAT), zero)
+    coat = ops.where(has_slabs, _share(tables, surface, COAT), zero)
     ratio = ops.maximum(number_of(tables, surface, IOR), 1e-3)
     anisotropy, turns = _share(tables, surface, ANISOTROPY), number_of(tables, surface, ROTATION)
     coat_facets, coat_ratio, coat_step = Facets(tangent, across, zero + 1.0, zero + 1.0, zero + 1.0), zero + 1.5, zero
@@ -155,10 +155,10 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         rougher = ops.sqrt(ops.sqrt(ops.minimum(square * square + 2.0 * coat_square * coat_square, 1.0)))
         rough = ops.lerp(rough, rougher, coat)
         ratio = ratio / ops.lerp(zero + 1.0, coat_ratio, coat)
-    fibres = ops.where(here, _share(tables, surface, FUZZ), zero)
+    fibres = ops.where(has_slabs, _share(tables, surface, FUZZ), zero)
     facets = anisotropic_facets.facets(tangent, across, turns, rough, anisotropy)
     plain = Slabs(
-        here, color, _share(tables, surface, DIFFUSE_ROUGHNESS), metal, bend, ops.clip(gleam, 0.0, 1.0), step_of(ratio, gleam), tint,
+        has_slabs, color, _share(tables, surface, DIFFUSE_ROUGHNESS), metal, bend, ops.clip(gleam, 0.0, 1.0), step_of(ratio, gleam), tint,
         facets, coat, coat_step, coat_ratio, log, coat_facets, dark, fibres, _color(tables, surface, FUZZ_COLOR),
         _share(tables, surface, FUZZ_ROUGHNESS), materials.slabs.metal, materials.slabs.reflection,
         _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)), None,
@@ -173,15 +173,15 @@ def _passing(passages: Passages, plain: Slabs, tables: Tables, surface: Surface)
     clear, spread = _share(tables, surface, TRANSMISSION_WEIGHT), _share(tables, surface, SUBSURFACE_WEIGHT)
     inside = plain.here & ops.not_(thin | surface.front) & (clear + spread > 0.0)
     leaves = inside & (clear <= 0.0)
-    zero, one = 0.0 * clear, 0.0 * clear + 1.0
-    white, shown = (one, one, one), ops.not_(leaves)
+    zero, unity = 0.0 * clear, 0.0 * clear + 1.0
+    white, shown = (unity, unity, unity), ops.not_(leaves)
     bent = (1.0 + plain.step) / (1.0 - plain.step)
-    ratio = ops.where(leaves, one, ops.where(inside, 1.0 / bent, bent))
+    ratio = ops.where(leaves, unity, ops.where(inside, 1.0 / bent, bent))
     turned, sheet = number_of(tables, surface, PHASE), _color(tables, surface, SUBSURFACE_COLOR)
     wall = ops.mul(sheet, ops.where3(thin, white, (zero, zero, zero)))
     color = ops.lerp3(plain.color, ops.scale(wall, 0.5 * (1.0 - turned)), ops.where(thin, spread, zero))
-    opaque = ops.where(leaves, zero, (1.0 - clear) * ops.where(thin, one, 1.0 - spread))
-    diffuse = ops.where(leaves, one, (1.0 - clear) * spread)
+    opaque = ops.where(leaves, zero, (1.0 - clear) * ops.where(thin, unity, 1.0 - spread))
+    diffuse = ops.where(leaves, unity, (1.0 - clear) * spread)
     passage = Passage(
         ops.where(leaves, zero, clear), diffuse, opaque, _color(tables, surface, TRANSMISSION_COLOR),
         ops.where3(thin, ops.scale(wall, 0.5 * (1.0 + turned)), white), thin | (ops.absolute(ratio - 1.0) < SAME), inside, ratio,
@@ -241,9 +241,10 @@ def _eval_pdf(part: Slabs, plain: tuple[Vec, Lane], normal: Vec, to_light: Vec, 
 @helper
 def _eval_lobes_pdf(part: Slabs, plain: tuple[Vec, Vec, Lane], normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     values = slabs.evaluate(part, normal, to_light, to_viewer)
-    here = part.here
+    lanes = part.here
     return (
-        ops.where3(here, values.matt, plain[0]), ops.where3(here, values.shine, plain[1]), ops.where(here, values.shine_density, plain[2])
+        ops.where3(lanes, values.matt, plain[0]), ops.where3(lanes, values.shine, plain[1]),
+        ops.where(lanes, values.shine_density, plain[2]),
     )  # fmt: skip
 
 
@@ -314,8 +315,8 @@ def _scatters_through(part: Slabs, plain: Lane) -> Lane:
 
 
 @helper
-def _passes(passage: Passage, plain: Lane, here: Lane) -> Lane:
-    return plain | (here & (passage.share + passage.diffuse > 0.0))
+def _passes(passage: Passage, plain: Lane, lanes: Lane) -> Lane:
+    return plain | (lanes & (passage.share + passage.diffuse > 0.0))
 
 
 _or_passes = specialize_if_present(_passes)
@@ -327,8 +328,8 @@ def _refracts(part: Slabs, plain: Lane) -> Lane:
 
 
 @helper
-def _bends(passage: Passage, plain: Lane, here: Lane) -> Lane:
-    return plain | (here & (passage.share > 0.0) & ops.not_(passage.straight))
+def _bends(passage: Passage, plain: Lane, lanes: Lane) -> Lane:
+    return plain | (lanes & (passage.share > 0.0) & ops.not_(passage.straight))
 
 
 _or_refracts = specialize_if_present(_bends)
@@ -340,8 +341,8 @@ def _eta(part: Slabs, plain: Lane) -> Lane:
 
 
 @helper
-def _index_of(passage: Passage, plain: Lane, here: Lane) -> Lane:
-    return ops.where(here & ops.not_(passage.straight), 1.0 / passage.ratio, plain)
+def _index_of(passage: Passage, plain: Lane, lanes: Lane) -> Lane:
+    return ops.where(lanes & ops.not_(passage.straight), 1.0 / passage.ratio, plain)
 
 
 _eta_of = specialize_if_present(_index_of)

@@ -138,12 +138,12 @@ _with_lobes = specialize_if_present(_replace_lobes)
 def _replace_slabs(slabs: Slabs, plain: Shader) -> Shader:
     """Clear the classic lobes in lanes with slabs."""
     zero = 0.0 * plain.ior
-    here, black = slabs.here, (zero, zero, zero)
+    lanes, black = slabs.here, (zero, zero, zero)
     ambient = ops.scale(slabs.color, 1.0 - slabs.metal)
     return Shader(
-        ops.where3(here, ambient, plain.ambient), ops.where3(here, black, plain.diffuse), ops.where3(here, black, plain.specular),
-        plain.shininess, ops.where3(here, black, plain.reflection), ops.where3(here, black, plain.transmission),
-        ops.where(here, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, plain.lobes,
+        ops.where3(lanes, ambient, plain.ambient), ops.where3(lanes, black, plain.diffuse), ops.where3(lanes, black, plain.specular),
+        plain.shininess, ops.where3(lanes, black, plain.reflection), ops.where3(lanes, black, plain.transmission),
+        ops.where(lanes, zero + 1.0, plain.ior), plain.emission, plain.blinn, plain.normalized, plain.strength, plain.glass, plain.lobes,
         None, plain.added, None, slabs,
     )  # fmt: skip
 

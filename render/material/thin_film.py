@@ -44,12 +44,12 @@ def reflectance(cosine: Lane, film: Lane, thickness: Lane, base: Vec) -> Vec:
     sine = ops.maximum(1.0 - cosine * cosine, 0.0)
     inside = ops.sqrt(ops.maximum(1.0 - sine / (film * film), LEAST))
     path = (4.0 * math.pi) * film * thickness * inside
-    one, two, three = _color(path), _color(2.0 * path), _color(3.0 * path)
+    unity, two, three = _color(path), _color(2.0 * path), _color(3.0 * path)
     along, across = (film * cosine - inside) / (film * cosine + inside), (cosine - film * inside) / (cosine + film * inside)
     return (
-        _channel((inside, along, across), film, base[0], sine, (one[0], two[0], three[0])),
-        _channel((inside, along, across), film, base[1], sine, (one[1], two[1], three[1])),
-        _channel((inside, along, across), film, base[2], sine, (one[2], two[2], three[2])),
+        _channel((inside, along, across), film, base[0], sine, (unity[0], two[0], three[0])),
+        _channel((inside, along, across), film, base[1], sine, (unity[1], two[1], three[1])),
+        _channel((inside, along, across), film, base[2], sine, (unity[2], two[2], three[2])),
     )  # fmt: skip
 
 

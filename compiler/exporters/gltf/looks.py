@@ -53,23 +53,23 @@ class Looks:
 
     def extensions(self) -> dict[str, Any]:
         """The extensions by their names."""
-        found: dict[str, Any] = {}
+        extensions_by_name: dict[str, Any] = {}
         if self._round:
             along, across = self._alphas()
             strength = math.sqrt(max(along - across, 0.0) / max(1.0 - across, 1e-9))
             turn = 2.0 * math.pi * self._number(Slot.ROTATION)
-            found["KHR_materials_anisotropy"] = {"anisotropyStrength": min(strength, 1.0), "anisotropyRotation": turn}
+            extensions_by_name["KHR_materials_anisotropy"] = {"anisotropyStrength": min(strength, 1.0), "anisotropyRotation": turn}
         if self._film:
-            found["KHR_materials_iridescence"] = {
+            extensions_by_name["KHR_materials_iridescence"] = {
                 "iridescenceFactor": self._number(Slot.FILM), "iridescenceIor": max(self._number(Slot.FILM_IOR), 1.0),
                 "iridescenceThicknessMaximum": _MICROMETRES * self._number(Slot.FILM_THICKNESS),
             }  # fmt: skip
         if self._tinted:
             specular = {"specularFactor": min(self._number(Slot.SPECULAR_WEIGHT), 1.0)}
-            found["KHR_materials_specular"] = {**specular, "specularColorFactor": self._values[Slot.SPECULAR].tolist()}
+            extensions_by_name["KHR_materials_specular"] = {**specular, "specularColorFactor": self._values[Slot.SPECULAR].tolist()}
         if self._dispersive:
-            found["KHR_materials_dispersion"] = {"dispersion": self._number(Slot.DISPERSION)}
-        return found
+            extensions_by_name["KHR_materials_dispersion"] = {"dispersion": self._number(Slot.DISPERSION)}
+        return extensions_by_name
 
     def _alphas(self) -> tuple[float, float]:
         """α of the highlight along and across its direction, at most 1."""

@@ -52,24 +52,24 @@ class Slabs:
 
     def material(self, surface: Surface, written: dict[str, Any]) -> MaterialData:
         """The material of a metallic–roughness surface with the lobes that its extensions add; where light passes it, a thin wall."""
-        given = self._given(surface, written)
+        inputs = self._given(surface, written)
         if surface.transmission > 0.0:
-            given |= {
+            inputs |= {
                 Slot.TRANSMISSION_WEIGHT: Input.number(surface.transmission), Slot.TRANSMISSION_COLOR: surface.diffuse,
                 Slot.THIN_WALLED: Input.number(1.0),
             }  # fmt: skip
-        return partial_coverage.with_opacity(openpbr.data(given, name=surface.name), surface.opacity, surface.threshold)
+        return partial_coverage.with_opacity(openpbr.data(inputs, name=surface.name), surface.opacity, surface.threshold)
 
     def glass(self, surface: Surface, written: dict[str, Any], medium: int) -> MaterialData:
         """The material of solid glass with these lobes, around a medium."""
-        given = self._given(replace(surface, metallic=NOTHING), written)
-        given |= {Slot.TRANSMISSION_WEIGHT: Input.number(1.0), Slot.TRANSMISSION_COLOR: surface.diffuse}
-        return openpbr.simplified(openpbr.data(given, name=surface.name, medium=medium))
+        inputs = self._given(replace(surface, metallic=NOTHING), written)
+        inputs |= {Slot.TRANSMISSION_WEIGHT: Input.number(1.0), Slot.TRANSMISSION_COLOR: surface.diffuse}
+        return openpbr.simplified(openpbr.data(inputs, name=surface.name, medium=medium))
 
     def _given(self, surface: Surface, written: dict[str, Any]) -> dict[Slot, Input]:
         s, extensions = surface, written.get("extensions", {})
         weight, tint, ior = self._highlight(s, extensions)
-        given = {
+        inputs = {
             Slot.DIFFUSE: s.diffuse, Slot.METALLIC: s.metallic, Slot.SPECULAR_WEIGHT: weight, Slot.SPECULAR: tint, Slot.IOR: ior,
             Slot.COAT: s.coat, Slot.COAT_ROUGHNESS: s.coat_roughness, Slot.COAT_IOR: Input.number(COAT_IOR),
             Slot.COAT_DARKENING: Input.number(0.0),
@@ -78,12 +78,12 @@ class Slabs:
         if s.sheen.value != BLACK:
             most = max(s.sheen.value)
             fuzz = Input.number(min(most, 1.0)), Input(scale_color(s.sheen.value, 1.0 / most), s.sheen.texture)
-            given |= {Slot.FUZZ: fuzz[0], Slot.FUZZ_COLOR: fuzz[1], Slot.FUZZ_ROUGHNESS: s.sheen_roughness}
+            inputs |= {Slot.FUZZ: fuzz[0], Slot.FUZZ_COLOR: fuzz[1], Slot.FUZZ_ROUGHNESS: s.sheen_roughness}
         optional = ((Slot.EMISSION, s.emissive if s.emissive.value != BLACK else None), (Slot.NORMAL, s.normal))
-        given |= {slot: value for slot, value in optional if value is not None}
+        inputs |= {slot: value for slot, value in optional if value is not None}
         if s.occlusion.texture != NONE:
             self._warn("the occlusion of a surface with anisotropy or iridescence is not drawn: light from all sides reaches it")
-        return given
+        return inputs
 
     def _highlight(self, s: Surface, extensions: dict[str, Any]) -> tuple[Input, Input, Input]:
         """(weight, tint, index of refraction) of KHR_materials_specular and _ior; of metals the index alone."""

@@ -140,9 +140,9 @@ def _fill(beams: Beams, k: int, rows: NDArray[np.float32], scale: float, beam: A
     n, first, count = len(beams.begin), k * beams.leaves * LEAF, len(beam)
     at = slice(first, first + count)
     for axis in range(3):
-        there = slice(axis * n + first, axis * n + first + count)
-        beams.start[there], beams.direction[there] = rows[beam, axis], -rows[beam, 3 + axis]
-        beams.power[there] = scale * rows[beam, 6 + axis]
+        column = slice(axis * n + first, axis * n + first + count)
+        beams.start[column], beams.direction[column] = rows[beam, axis], -rows[beam, 3 + axis]
+        beams.power[column] = scale * rows[beam, 6 + axis]
     beams.begin[at], beams.end[at], beams.inverse[at] = begin, end, 1.0 / radius
     beams.medium[at] = (rows[beam, 12] - CODE + 0.5).astype(np.int32)
     ends = [rows[beam, :3] - rows[beam, 3:6] * t[:, None] for t in (begin, end)]
@@ -185,15 +185,15 @@ def _along(beams: Any, flown: Flown, tables: Tables, path: PathState, active: La
     if beams.leaves == 0 or index.depth > most:
         return flown
     medium = ops.where(active & (path.phase < MATT), medium_stack.top(path.inside), 0)
-    here = (medium > 0) & (beams.beamed[medium])
-    if ops.not_(ops.any_lane(here)):
+    lanes = (medium > 0) & (beams.beamed[medium])
+    if ops.not_(ops.any_lane(lanes)):
         return flown
     place = ops.sub(path.origin, (beams.origin[0], beams.origin[1], beams.origin[2]))
     segment = Segment(place, path.direction, path.near, end, medium)
-    light = _gather(beams, medium_stack.scattering(tables), segment, here, index.sample)
+    light = _gather(beams, medium_stack.scattering(tables), segment, lanes, index.sample)
     light = ops.mul(path.weight, light)
     zero = 0.0 * end
-    return Flown(flown.weight, flown.scattered, flown.t, ops.add(flown.emitted, ops.where3(here, light, (zero, zero, zero))))
+    return Flown(flown.weight, flown.scattered, flown.t, ops.add(flown.emitted, ops.where3(lanes, light, (zero, zero, zero))))
 
 
 along = specialize_if_present(_along)
@@ -277,7 +277,7 @@ def _inverse(x: float) -> float:
 
 
 @noinline_helper
-def _gather(beams, table, segment, here, sample):
+def _gather(beams, table, segment, active, sample):
     """The light that beams send along rays, at their origin."""
     number = (sample + (sample >> 4) * 5) & (MAPS - 1)
     zero = 0.0 * segment.near
@@ -286,7 +286,7 @@ def _gather(beams, table, segment, here, sample):
     stack = simd.stack_array(np.int32, 64)
     for k in range(LANES):
         lists.counts[k] = 0
-    lanes = crosslane.bits(here)
+    lanes = crosslane.bits(active)
     for k in range(crosslane.width(zero)):
         if (lanes >> k) & 1 == 0:
             continue

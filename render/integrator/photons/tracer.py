@@ -430,11 +430,11 @@ def _store_scattered(
 
 
 @helper
-def _store_flights(beams: Any, kept: int, stored: Any, path: PathState, flying: Lane, end: Lane, origin: Any) -> int:
+def _store_flights(beams: Any, count: int, stored: Any, path: PathState, flying: Lane, end: Lane, origin: Any) -> int:
     lands, length, code = photon_beams.beam(beams, None, path, flying, end)
     zero = 0.0 * length
     start = ops.along(path.origin, path.direction, path.near)
-    return _store(stored, kept, Record(lands, start, (length, zero, zero), path.weight, code), path.direction, origin)
+    return _store(stored, count, Record(lands, start, (length, zero, zero), path.weight, code), path.direction, origin)
 
 
 _store_beams = specialize_if_present(_store_flights)  # (beams, kept, …): store flights through media whose photons are beams

@@ -161,8 +161,8 @@ def row(
         return builder.material(metallic_roughness.material(surface), span)
     if weight >= 1.0:
         shines, coated = surface.emissive.value != BLACK, surface.coat.value[0] > 0.0
-        for name, there in (("clear coat", coated), ("sheen", surface.sheen.value != BLACK), ("emission", shines)):
-            if there:
+        for name, is_set in (("clear coat", coated), ("sheen", surface.sheen.value != BLACK), ("emission", shines)):
+            if is_set:
                 tell(f"the {name} over a material that scatters light inside or passes it is not drawn")
         return builder.material(partial_coverage.with_opacity(inside, *opacity), span)
     parts = builder.material(opaque, span), builder.material(inside, span)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from .opcodes import KEEP_WHOLE, STEPS, Op, arity
+from .operation_rows import OperationRows
 from .piecewise_constant import NOWHERE, Values, constant_values, union
 from .tape import INPUTS
 
@@ -15,37 +15,19 @@ MOST_FACTORS = 64  # whole powers up to this are products
 
 
 @dataclass(eq=False)
-class Graph(ABC):
+class Graph(OperationRows):
     """Rows of operations without duplicates. Methods take and return names of values (tape.py)."""
 
-    rows: list[tuple[int, int, int, int]] = field(default_factory=list)
-    constants: list[float] = field(default_factory=list)
     may_tie: bool = False  # the operands of any comparison may be equal over a region, even where the analysis finds no such values
-    _names: dict[Any, int] = field(default_factory=dict)  # by constant or row
     _integers: set[int] = field(default_factory=set)  # values that are whole numbers wherever they are defined
     _constant_values: dict[int, Values] = field(default_factory=dict)  # of values that may be constant over a region
     _choices: dict[int, tuple[int, ...]] = field(default_factory=dict)  # of MIN, MAX, CHOOSE and ABS, the values that they may equal
-
-    @abstractmethod
-    def op(self, op: Op, a: int, b: int = 0, c: int = 0) -> int:
-        """The name of an operation's value, simplified."""
 
     @abstractmethod
     def less(self, a: int, b: int, strictly: bool) -> int:
         """A field that is at most 0 where a ≤ b, or a < b."""
 
     # --- values ---
-
-    def constant(self, number: float) -> int:
-        number = float(number) + 0.0  # −0 and 0 are the same
-        if number not in self._names:
-            self._names[number] = ~len(self.constants)
-            self.constants.append(number)
-        return self._names[number]
-
-    def number(self, name: int) -> float | None:
-        """The value of a constant; None for others."""
-        return self.constants[~name] if name < 0 else None
 
     def row(self, name: int) -> tuple[Op, int, int]:
         """(operation, first operand, second operand) of a value; a coordinate is a COPY of itself."""
@@ -100,21 +82,6 @@ class Graph(ABC):
         return False
 
     # --- expressions of several operations ---
-
-    def add(self, a: int, b: int) -> int:
-        return self.op(Op.ADD, a, b)
-
-    def subtract(self, a: int, b: int) -> int:
-        return self.op(Op.SUBTRACT, a, b)
-
-    def multiply(self, a: int, b: int) -> int:
-        return self.op(Op.MULTIPLY, a, b)
-
-    def scale(self, a: int, factor: float) -> int:
-        return self.op(Op.MULTIPLY, a, self.constant(factor))
-
-    def offset(self, a: int, by: float) -> int:
-        return self.op(Op.ADD, a, self.constant(by))
 
     def power(self, a: int, b: int) -> int:
         """a to the b: products for whole b, a root for b = ½."""

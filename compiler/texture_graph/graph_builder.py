@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..formula.opcodes import Op, fold
+from ..formula.operation_rows import OperationRows
 from ..formula.tape import INPUTS, Tape
 from . import noise
 from .opcodes import CHANNELS, FIRST, MOST_ROWS, U, arity
@@ -23,23 +24,8 @@ class TooLarge(ValueError):
 
 
 @dataclass(eq=False)
-class GraphBuilder:
+class GraphBuilder(OperationRows):
     """Rows of operations, without duplicates."""
-
-    rows: list[tuple[int, int, int, int]] = field(default_factory=list)
-    constants: list[float] = field(default_factory=list)
-    _names: dict[tuple[int, ...] | float, int] = field(default_factory=dict)
-
-    def constant(self, number: float) -> int:
-        number = float(number) + 0.0
-        if number not in self._names:
-            self._names[number] = ~len(self.constants)
-            self.constants.append(number)
-        return self._names[number]
-
-    def number(self, name: int) -> float | None:
-        """The value of a constant; None for others."""
-        return self.constants[~name] if name < 0 else None
 
     def op(self, op: int, *names: int) -> int:
         """The value of an operation."""
@@ -83,23 +69,8 @@ class GraphBuilder:
 
     # --- arithmetic ---------------------------------------------------------------------------------------------------------
 
-    def add(self, a: int, b: int) -> int:
-        return self.op(Op.ADD, a, b)
-
-    def subtract(self, a: int, b: int) -> int:
-        return self.op(Op.SUBTRACT, a, b)
-
-    def multiply(self, a: int, b: int) -> int:
-        return self.op(Op.MULTIPLY, a, b)
-
     def divide(self, a: int, b: int) -> int:
         return self.op(Op.DIVIDE, a, b)
-
-    def scale(self, a: int, factor: float) -> int:
-        return self.op(Op.MULTIPLY, a, self.constant(factor))
-
-    def offset(self, a: int, by: float) -> int:
-        return self.op(Op.ADD, a, self.constant(by))
 
     def clamp(self, a: int, low: int, high: int) -> int:
         return self.op(Op.MIN, self.op(Op.MAX, a, low), high)

@@ -58,6 +58,12 @@ def _eight_at(table, row, first):
     if isinstance(row, simd.Vector) and row.bits == table.dtype.bitwidth:
         return lambda table, row, first: simd.gather_rows(table, row * _row_length(table), 8, first)
 
+    if isinstance(row, simd.Vector):  # a table of another width
+        return lambda table, row, first: (
+            table[row, first], table[row, first + 1], table[row, first + 2], table[row, first + 3],
+            table[row, first + 4], table[row, first + 5], table[row, first + 6], table[row, first + 7],
+        )  # fmt: skip
+
     def scalar(table, row, first):
         element = row * _row_length(table) + first
         return (

@@ -76,5 +76,5 @@ def test_errors_of_new(arguments: tuple[str, ...], message: str) -> None:
 def test_other_kinds_are_named() -> None:
     code, _, said = run("new", "a", "--from", "chair")
     assert code == 2
-    kinds = "still, room, part, formula, or a file that ends in .obj .ply .stl .glb .gltf .off .3mf .xyz .usd .usda .usdc .usdz"
+    kinds = "still, room, part, formula, or a file that ends in .obj .ply .stl .glb .gltf .off .3mf .xyz .usd .usda .usdc .usdz .mtlx"
     assert said.endswith(f"Error: --from is one of {kinds}\n")

@@ -98,7 +98,7 @@ def test_a_saved_scene_is_a_scene(hello: Path, tmp_path: Path) -> None:
     assert again.params == scene.params
 
 
-KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .obj, .ply, .stl, .glb, .gltf, .off, .3mf, .xyz, .npz"
+KNOWN = ".scene, .usd, .usda, .usdc, .usdz, .mtlx, .obj, .ply, .stl, .glb, .gltf, .off, .3mf, .xyz, .npz"
 
 
 VARIANT = StageOptions(variants={"/a:b": "c"})

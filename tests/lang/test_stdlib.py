@@ -17,7 +17,7 @@ from maquette.lang.stdlib_page import entries
 from maquette.lang.syntax import ast, parser
 
 LIBRARY = Path(maquette.__file__).parent / "stdlib"
-MATERIALS = ("lambert", "phong", "blinn_phong", "mirror", "glass", "principled", "metal", "blend", "translucent", "subsurface")
+MATERIALS = ("lambert", "phong", "blinn_phong", "mirror", "glass", "principled", "metal", "blend", "translucent", "subsurface", "openpbr")
 FILES = sorted(LIBRARY.glob("*.scene"))
 
 

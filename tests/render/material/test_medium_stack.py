@@ -122,10 +122,10 @@ def test_a_glass_of_water_without_a_gap_of_air():
         front = np.array([True])
 
     in_glass, in_air = packed([2]), packed([])
-    assert float(medium_stack.relative_ior(in_glass, np.array([1.33]), tables, Point)[0]) == 1.0
+    assert float(medium_stack.relative_ior(in_glass, np.array([1.33]), tables, Point, None)[0]) == 1.0
     assert bool(medium_stack.is_ignored(in_glass, np.array([False]), tables, Point)[0])
-    assert float(medium_stack.relative_ior(in_air, np.array([1.33]), tables, Point)[0]) == 1.33
+    assert float(medium_stack.relative_ior(in_air, np.array([1.33]), tables, Point, None)[0]) == 1.33
     Point.material, Point.front = np.array([0]), np.array([False])
-    leaving = medium_stack.relative_ior(packed([2, 1]), np.array([1.5]), tables, Point)  # out of the glass, into the water
+    leaving = medium_stack.relative_ior(packed([2, 1]), np.array([1.5]), tables, Point, None)  # out of the glass, into the water
     assert float(leaving[0]) == pytest.approx(1.5 / 1.33)
     assert math.isclose(float(medium_stack.attenuate(in_air, (1.0, 1.0, 1.0), tables, 5.0)[0]), 1.0)

@@ -211,6 +211,7 @@ def test_the_greatest_pattern(tmp_path: Path) -> None:
         assert int(working_space.scene_in(scene, _plan(scene, "acescg"))[0].tables.tapes.count.max()) <= tape + 15
 
 
+@pytest.mark.long
 def test_graphs_of_textures(tmp_path: Path) -> None:
     """A tape that looks a picture up gives Rec.709; the picture stays as it is, and its result is converted."""
     write_picture(tmp_path / "a.exr", COLOR)

@@ -102,7 +102,8 @@ def test_rays_of_each_wavelength_leave_a_prism_by_snells_law() -> None:
     assert turned == pytest.approx(deviation, abs=1e-9)
 
 
-@pytest.mark.parametrize("backend", [pytest.param("ray", marks=pytest.mark.long), "reference"])
+@pytest.mark.long
+@pytest.mark.parametrize("backend", ["ray", "reference"])
 def test_a_screen_seen_through_a_prism(tmp_path: Path, backend: str) -> None:
     """Its radiance grows along it, so that red, green and blue tell the mean of the places that each is seen at, in metres."""
     left, out, _ = through_prism(IOR)

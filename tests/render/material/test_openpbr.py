@@ -228,6 +228,7 @@ def test_what_light_passes_gains_none(name, inside):
             assert share >= (least if "half" not in name else 0.4 * least) - 3 * error, (roughness, angle, share, error)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("name", ["glass", "sheet", "leaf", "half glass"])
 def test_samples_that_pass_follow_the_density(name, inside):

@@ -65,6 +65,7 @@ def graph(builder, *rows):
     return [builder.texture(TextureData(ir.TextureKind.FORMULA, tape=builder.tape(tape))) for tape in graphs_]
 
 
+@pytest.mark.long
 def test_kernels_draw_the_definition():
     """Each graph on a sphere and a box, through the compiled integrator, whose emission is the texture."""
     texels = np.asarray(np.random.default_rng(0).random((5, 7, 4)), np.float32)

@@ -33,7 +33,8 @@ def test_parts_are_chosen_by_their_weight():
     class Point:
         material = np.full(10_000, 4)
         offset = np.zeros(10_000)
-        position = local = geometric = normal = local_normal = uv = metric = front = instance = color = time = spread = lift = known = tangent = None
+        position = local = geometric = normal = local_normal = uv = metric = front = instance = color = None
+        time = spread = lift = known = tangent = None
 
     point = surface_blend.choose_part(tables, Point, (np.arange(10_000) + 0.5) / 10_000)
     assert np.bincount(point.material, minlength=5).tolist() == [750, 2250, 7000, 0, 0]

@@ -62,11 +62,11 @@ _ORDER = (
 )  # fmt: skip
 
 
-def data(given: Mapping[ir.Slot, Input], **more: Any) -> MaterialData:
+def data(inputs_by_slot: Mapping[ir.Slot, Input], **more: Any) -> MaterialData:
     """A row from inputs by slot; those that are missing have the default of the specification."""
     inputs = {slot: Input.number(default) for slot, default, _, _ in NUMBERS.values()}
     inputs |= {slot: Input((grey, grey, grey)) for slot, grey, _ in COLORS.values()}
-    return MaterialData(MODEL, inputs | dict(given), **more)
+    return MaterialData(MODEL, inputs | dict(inputs_by_slot), **more)
 
 
 _CLEAR: Mapping[ir.Slot, float] = {

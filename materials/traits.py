@@ -45,12 +45,12 @@ def blends(tables: ir.Tables) -> list[int]:
 def used(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials of instances, and the parts of their blends."""
     m = tables.materials
-    found = np.zeros(len(m.model), bool)
-    found[tables.instances.material] = True
+    mask = np.zeros(len(m.model), bool)
+    mask[tables.instances.material] = True
     for row in reversed(blends(tables)):
-        if found[row]:
-            found[[m.first[row], m.second[row]]] = True
-    return found
+        if mask[row]:
+            mask[[m.first[row], m.second[row]]] = True
+    return mask
 
 
 def with_parts(tables: ir.Tables, trait: np.ndarray) -> np.ndarray:

@@ -49,7 +49,6 @@ def draw(
     seconds: dict[str, float] = {}
     width, height = plan["size"]
     view = types.View(plan["camera"], width, height)
-    backend = plan["backend"]
     tell = report or (lambda _: None)
     tell(Progress("building"))
     if remote is None:
@@ -81,7 +80,7 @@ def draw(
     if plan["bloom"] > 0.0:
         _add_bloom(scene, plan, image)
     image.metadata.update(
-        backend=backend, seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **_for_files(plan),
+        backend=plan["backend"], seconds=seconds, notes=notes, unproved=unproved, cut=cut, **ready, **_for_files(plan),
         brightness=_brightness(image, plan["background"] == "transparent", int(plan["threads"])), **_omitted(scene, plan, cut),
         elapsed=deadline.spent(), elapsed_cpu=deadline.cpu_spent(),
     )  # fmt: skip

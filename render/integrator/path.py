@@ -61,7 +61,6 @@ def shade_vertex(
     """(light sent along the path, shadow ray, continuation of the path, whether it continues, its vertex) at the hits of a mask.
 
     `event` is a flights.Event of vertices that are no surfaces; the mask `lanes` has those in media, not those at invisible boundaries.
-
     `index` gives the path its numbers, `direct` its light samples and photons. Their `depth` counts surfaces from 0. At options.bounces
     light is sampled for the last time, and later rays add only emission.
     """
@@ -105,10 +104,7 @@ def shade_vertex(
     weight, divided = ops.mul(path.weight, scattered.weight), path.divided
     weight, divided = dispersion.divide_after(component, (weight, divided), tables, point, scattered.direction, surfaces)
     if uses.open_sky:
-        soft = lanes & ops.not_(lit) & (scattered.density < ONLY)
-        seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
-        above = ops.mul(weight, links.background(options.links, seen, tables, scattered.direction, lights.OPEN, bits))
-        sent = ops.where3(soft, ops.add(sent, above), sent)
+        sent = _add_open_sky(tables, options.links, sent, weight, scattered, bits, lanes & ops.not_(lit))
     weight, lobe = split_lobe(inputs.photons, (weight, nothing), base, shading, scattered, lobe_number(index))
     going = lanes & ops.not_(last) & (ops.largest(weight) > 0.0)
     if ending:
@@ -118,6 +114,15 @@ def shade_vertex(
     onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe, divided)
     onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
     return sent, connection, onward, going, Vertex(shading, scattered, gathered)
+
+
+@helper
+def _add_open_sky(tables: Tables, linked: Any, sent: Vec, weight: Vec, scattered: Scattered, bits: Any, lanes: Lane) -> Vec:
+    """Add the light of skies without shadows that a BSDF sample meets."""
+    soft = lanes & (scattered.density < ONLY)
+    seen = lights.background(tables, scattered.direction, lights.OPEN)[0]
+    above = ops.mul(weight, links.background(linked, seen, tables, scattered.direction, lights.OPEN, bits))
+    return ops.where3(soft, ops.add(sent, above), sent)
 
 
 @helper

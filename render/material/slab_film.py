@@ -1,4 +1,4 @@
-"""A thin film between the coat and the base of slabs: its colours in reflection, and what it lets through.
+"""Thin film of OpenPBR: the reflectance and the transmittance of a film between coat and base, in red, green and blue.
 
 Scenes without films compile nothing of it: the `film` of their Slabs is None, which is a type.
 """

@@ -1,4 +1,4 @@
-"""Slabs of OpenPBR Surface: fuzz over a coat over a base, which is a mix of a metal and of a dielectric over a diffuse lobe.
+"""BSDF of OpenPBR: value, density and samples of fuzz, coat, metal, dielectric and diffuse base.
 
 - Highlights: anisotropic GGX (module anisotropic_facets). Facets of the dielectric and of the coat reflect by Fresnel's equations, those of
   the metal by the F82-tint model (Kutz, Hašan, Edmondson 2021). What a metal loses by one bounce returns as in energy_compensation.

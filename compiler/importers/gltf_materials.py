@@ -27,11 +27,12 @@ _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
 _COLORS = ("baseColorTexture", "diffuseTexture")
-_EVEN, _SMOOTH = 0.1, 0.1  # difference of a colour's components that is not a tint; roughness that is none
+_NOT_READ = ("thicknessTexture", "clearcoatNormalTexture")  # a shape has its own thickness; the table names the second
+_EVEN = 0.1  # difference of a colour's components that is not a tint
 _SCATTER = "KHR_materials_volume_scatter"
 _MOST_ANISOTROPY = 0.99
 _MOST_DISPERSION = 4.0  # an Abbe number of 5
-_GLASS_TRANSMISSION = 0.5  # transmission from which a material becomes glass
+_GLASS_TRANSMISSION = 0.5  # transmission from which a tinted material without a volume becomes glass
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +54,7 @@ class Materials:
     warn: Warn
     _rows: dict[Any, int] = field(default_factory=dict)
     _fit: Fit = field(default_factory=lambda: Fit())  # of the row that is being made
+    _read: list[dict[str, Any]] = field(default_factory=list)  # its references to textures that were read
 
     def row(self, index: int, fit: Fit | None = None) -> int:
         """The builder's row of a material for a part."""
@@ -61,8 +63,22 @@ class Materials:
         if key not in self._rows:
             written = self.container.document["materials"][index]
             check_finite(written)
+            self._read = []
             self._rows[key] = self.builder.material(self._material(written), Span(self.name))
+            self._report_unread(written)
         return self._rows[key]
+
+    def _report_unread(self, written: dict[str, Any]) -> None:
+        """Warn of pictures that the kind of a material leaves out. Those of KHR_materials_unlit but its colour count nowhere."""
+        extensions, replaced = written.get("extensions", {}), {}
+        if "KHR_materials_unlit" in extensions:
+            return
+        if "KHR_materials_pbrSpecularGlossiness" in extensions and not self._is_glass(written):
+            replaced = written.get("pbrMetallicRoughness", {})
+        kind = "solid glass" if self._is_glass(written) else "such a surface"
+        for name, reference in _references(written):
+            if not any(reference is each for each in self._read) and name not in (*_NOT_READ, *replaced):
+                self.warn(f"the {name} of {kind} is not drawn")
 
     def uv_sets(self, index: int) -> list[int]:
         """The sets of texture coordinates that a material's pictures read: that of its base colour, if any, first; occlusion last."""
@@ -84,11 +100,13 @@ class Materials:
         return written.get("doubleSided") is True or self._is_glass(written) or scatters
 
     def _is_glass(self, written: dict[str, Any]) -> bool:
-        """Whether a material is drawn as solid glass."""
+        """Whether a material is drawn as solid glass: it has a volume, or a tint and no picture of what passes."""
         extensions, pbr = written.get("extensions", {}), written.get("pbrMetallicRoughness", {})
-        if "KHR_materials_unlit" in extensions or _transmission(extensions) < _GLASS_TRANSMISSION:
+        share = slabs.share_of(extensions)
+        if "KHR_materials_unlit" in extensions or share == 0.0:
             return False
-        return bool(extensions.get("KHR_materials_volume", {}).get("thicknessFactor")) or _is_colored(pbr)
+        tinted = share >= _GLASS_TRANSMISSION and "transmissionTexture" not in slabs.transmission(extensions) and _is_colored(pbr)
+        return tinted or bool(extensions.get("KHR_materials_volume", {}).get("thicknessFactor"))
 
     def _material(self, written: dict[str, Any]) -> MaterialData:
         extensions = written.get("extensions", {})
@@ -99,54 +117,66 @@ class Materials:
         if "KHR_materials_unlit" in extensions:
             inputs = {ir.Slot.DIFFUSE: Input(BLACK), ir.Slot.EMISSION: base}
             return partial_coverage.with_opacity(MaterialData(inputs=inputs, name=title), *self._opacity(written, base, float(color[3])))
-        share, tinted = _transmission(extensions), _is_colored(pbr)
-        if "KHR_materials_dispersion" in extensions and not self._is_glass(written):
-            self.warn("KHR_materials_dispersion counts in solid glass alone: with KHR_materials_volume, and transmission from one half on")
         if self._is_glass(written):
-            ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
-            rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
-            inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
-            if slabs.are_used(extensions):
-                return self._lobed_glass(written, base)
-            if (dispersion := float(extensions.get("KHR_materials_dispersion", {}).get("dispersion", 0.0))) > 0.0:
-                inputs[ir.Slot.DISPERSION] = Input.number(min(dispersion, _MOST_DISPERSION))
-            medium = self._medium(extensions)
-            absorbed = self._absorption(extensions) if medium == NONE else {}
-            return MaterialData(ir.MaterialModel.GLASS, inputs | absorbed, name=title, medium=medium)
+            return self._glass(written, base, float(color[3]))
+        if "KHR_materials_dispersion" in extensions:
+            self.warn("KHR_materials_dispersion counts in solid glass alone: with KHR_materials_transmission and KHR_materials_volume")
         if "KHR_materials_pbrSpecularGlossiness" in extensions:
             surface = self._specular_glossiness(written, extensions["KHR_materials_pbrSpecularGlossiness"])
         else:
             surface = self._surface(written, base, float(color[3]), extensions)
-        if share > 0:
-            if (tinted and not slabs.are_used(extensions)) or pbr.get("roughnessFactor", 1.0) > _SMOOTH:
-                self.warn("light passes thin surfaces straight and white: without the roughness and colour of KHR_materials_transmission")
-            if surface.threshold > 0.0:
-                self.warn("light passes the holes alone of a surface with the alphaMode MASK: without KHR_materials_transmission")
-            else:
-                metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
-                surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
+        if (share := slabs.share_of(extensions)) > 0.0 and not self._is_of_slabs(written):
+            if _is_colored(pbr):
+                self.warn("light passes thin smooth surfaces white: without the colour of KHR_materials_transmission")
+            if "KHR_materials_pbrSpecularGlossiness" in extensions:
+                self.warn("light passes a surface with KHR_materials_pbrSpecularGlossiness straight and white")
+            metallic = surface.metallic.value[0] if surface.metallic.texture == NONE else 0.0  # metals transmit nothing
+            surface = replace(surface, transmission=share * (1.0 - min(max(metallic, 0.0), 1.0)))
         return self._scattering_through(surface, written)
 
-    def _lobed_glass(self, written: dict[str, Any], base: Input) -> MaterialData:
-        """Solid glass with anisotropy or iridescence, around the medium of its volume."""
+    def _glass(self, written: dict[str, Any], base: Input, alpha: float) -> MaterialData:
+        """Solid glass, around the medium of its volume."""
+        extensions, pbr = written.get("extensions", {}), written.get("pbrMetallicRoughness", {})
+        if extensions.get("KHR_materials_diffuse_transmission", {}).get("diffuseTransmissionFactor"):
+            self.warn("KHR_materials_diffuse_transmission of solid glass is not drawn")
+        if slabs.are_needed_in_glass(written):
+            return self._lobed_glass(written, base, alpha)
+        ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
+        rough = Input.number(float(pbr.get("roughnessFactor", 1.0)), self._texture(pbr.get("metallicRoughnessTexture"), 1))
+        inputs = {ir.Slot.TRANSMISSION: base, ir.Slot.IOR: Input.number(max(ior, 1.0)), ir.Slot.ROUGHNESS: rough}
+        if (normal := self._normal(written.get("normalTexture"))) is not None:
+            inputs[ir.Slot.NORMAL] = normal
+        if (dispersion := float(extensions.get("KHR_materials_dispersion", {}).get("dispersion", 0.0))) > 0.0:
+            inputs[ir.Slot.DISPERSION] = Input.number(min(dispersion, _MOST_DISPERSION))
+        medium = self._medium(extensions)
+        absorbed = self._absorption(extensions) if medium == NONE else {}
+        glass = MaterialData(ir.MaterialModel.GLASS, inputs | absorbed, name=written.get("name", ""), medium=medium)
+        return partial_coverage.with_opacity(glass, *self._opacity(written, base, alpha))
+
+    def _lobed_glass(self, written: dict[str, Any], base: Input, alpha: float) -> MaterialData:
+        """Solid glass as slabs."""
         extensions = written["extensions"]
         if extensions.get("KHR_materials_dispersion", {}).get("dispersion"):
-            self.warn("the dispersion of glass with anisotropy or iridescence is not drawn")
+            self.warn("KHR_materials_dispersion of glass that is drawn as OpenPBR is not drawn: its boundary has other lobes")
         medium, absorbed = self._medium(extensions), _attenuation(extensions)
         if medium == NONE and absorbed is not None:
             medium = self.builder.medium(MediumData(absorption=absorbed), Span(self.name))
         slabs_of_file = slabs.Slabs(self.builder, self._picture, self.warn, self.name)
-        return slabs_of_file.glass(self._surface(written, base, 1.0, extensions), written, medium)
+        return slabs_of_file.glass(self._surface(written, base, alpha, extensions), written, medium)
 
     def _reflecting(self, surface: metallic_roughness.Surface, written: dict[str, Any]) -> MaterialData:
-        """What a surface reflects: slabs of OpenPBR with anisotropy or iridescence, else `principled`."""
+        """What a surface reflects: slabs of OpenPBR, else `principled`."""
         extensions = written.get("extensions", {})
-        if not slabs.are_used(extensions):
-            return metallic_roughness.material(surface)
-        if "KHR_materials_pbrSpecularGlossiness" in extensions:
+        if self._is_of_slabs(written):
+            return slabs.Slabs(self.builder, self._picture, self.warn, self.name).material(surface, written)
+        if slabs.are_used(extensions):
             self.warn("the anisotropy and iridescence of a surface with KHR_materials_pbrSpecularGlossiness are not drawn")
-            return metallic_roughness.material(surface)
-        return slabs.Slabs(self.builder, self._picture, self.warn, self.name).material(surface, written)
+        return metallic_roughness.material(surface)
+
+    @staticmethod
+    def _is_of_slabs(written: dict[str, Any]) -> bool:
+        """Whether a surface is drawn as slabs: it needs them, and has no colour of its highlight instead of an index."""
+        return slabs.are_needed(written) and "KHR_materials_pbrSpecularGlossiness" not in written.get("extensions", {})
 
     def _scattering_through(self, surface: metallic_roughness.Surface, written: dict[str, Any]) -> MaterialData:
         """A surface that passes a share of the diffuse light on, by KHR_materials_diffuse_transmission.
@@ -168,7 +198,7 @@ class Materials:
         body = medium != NONE and share == 1.0
         plain = (surface.ior.value[0] == 1.0 or body) and surface.specular is None and surface.metallic.value[0] == 0.0
         plain = plain and surface.coat.value[0] == 0.0 and surface.sheen.value == BLACK and weight == NONE
-        plain = plain and not slabs.are_used(extensions)
+        plain = plain and not self._is_of_slabs(written)
         reflected = replace(surface.diffuse, value=scale_color(surface.diffuse.value, 1.0 - share)) if plain else Input(BLACK)
         inputs = {
             ir.Slot.AMBIENT: reflected, ir.Slot.DIFFUSE: reflected,
@@ -182,6 +212,8 @@ class Materials:
             inputs[ir.Slot.AMBIENT] = Input(as_color(extensions[_SCATTER].get("multiscatterColor", BLACK)))
             inputs |= {ir.Slot.RADIUS: Input.number(1.0), ir.Slot.IOR: surface.ior, ir.Slot.ROUGHNESS: surface.roughness}
         if plain:
+            if surface.occlusion.texture != NONE:
+                self.warn("the occlusionTexture of a sheet without a highlight is not drawn: light from all sides reaches it")
             return partial_coverage.with_opacity(MaterialData(model, inputs | maps, name=surface.name, medium=medium), *opacity)
         sheet = MaterialData(model, inputs | maps, name=f"{surface.name} through", medium=medium)
         opaque = self._reflecting(replace(surface, opacity=metallic_roughness.ALL, threshold=0.0), written)
@@ -248,8 +280,6 @@ class Materials:
         specular = extensions["KHR_materials_specular"]
         share = ((ior - 1) / (ior + 1)) ** 2 * float(specular.get("specularFactor", 1.0))
         tint, weight = self._texture(specular.get("specularColorTexture")), specular.get("specularTexture")
-        if tint != NONE and weight and not slabs.are_used(extensions):
-            self.warn("the specularTexture of KHR_materials_specular is not drawn beside its specularColorTexture")
         r, g, b = (min(share * float(c), 1.0) for c in specular.get("specularColorFactor", (1.0, 1.0, 1.0)))
         return Input((r, g, b), tint if tint != NONE else self._texture(weight, 3))
 
@@ -307,6 +337,7 @@ class Materials:
         """A texture reference as columns of ir.Textures; None without one, or if it cannot be read."""
         if reference is None:
             return None
+        self._read.append(reference)
         map_ = self._fit.maps.get(_uv_set(reference), uv_sets.PLAIN)
         if map_ is None:
             reason = f"more than {uv_sets.MOST_PARTS} affine maps lead to it from the set of the first picture"
@@ -344,13 +375,6 @@ class Materials:
         except GltfError as failure:
             self.warn(str(failure))
         return NONE
-
-
-def _transmission(extensions: dict[str, Any]) -> float:
-    """The factor of KHR_materials_transmission, 0 to 1, or of the extension that it was made from."""
-    names = ("KHR_materials_transmission", "ADOBE_materials_thin_transparency")
-    extension = next((extensions[name] for name in names if name in extensions), {})
-    return min(max(float(extension.get("transmissionFactor", 0.0)), 0.0), 1.0)
 
 
 def _attenuation(extensions: dict[str, Any]) -> Color | None:

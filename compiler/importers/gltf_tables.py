@@ -17,7 +17,9 @@ EXTENSIONS = Table(
         "KHR_materials_clearcoat": "weight and roughness",
         "KHR_materials_sheen": "over the highlight and the base, under a coat",
         "KHR_materials_emissive_strength KHR_materials_ior": "",
-        "KHR_materials_transmission": "a thin surface; solid glass, which may be rough, with a volume or a tint and from one half on",
+        "KHR_materials_transmission": (
+            "a thin surface, which may be rough; solid glass with a volume, or with a tint from one half on without a picture"
+        ),
         "ADOBE_materials_thin_transparency": "as KHR_materials_transmission, which precedes it",
         "KHR_materials_anisotropy": "as OpenPBR, whose roughness and anisotropy have the same widths",
         "KHR_materials_iridescence": "as OpenPBR: on surfaces, thin walls and solid glass; a sheen is its fuzz, no occlusion",
@@ -96,8 +98,8 @@ PROPERTIES = Table(
         "KHR_materials_sheen.sheenColorFactor KHR_materials_sheen.sheenRoughnessFactor": "",
         "KHR_materials_sheen.sheenColorTexture KHR_materials_sheen.sheenRoughnessTexture": "",
         "KHR_materials_clearcoat.clearcoatTexture KHR_materials_clearcoat.clearcoatRoughnessTexture": "",
-        "KHR_materials_emissive_strength.emissiveStrength KHR_materials_ior.ior KHR_materials_transmission.transmissionFactor": "",
-        "ADOBE_materials_thin_transparency.transmissionFactor": "",
+        "KHR_materials_emissive_strength.emissiveStrength KHR_materials_ior.ior KHR_materials_transmission.*": "",
+        "ADOBE_materials_thin_transparency.transmissionFactor ADOBE_materials_thin_transparency.transmissionTexture": "",
         "KHR_materials_specular.specularFactor KHR_materials_specular.specularColorFactor": "",
         "KHR_materials_specular.specularTexture KHR_materials_specular.specularColorTexture": "",
         "KHR_materials_volume.thicknessFactor KHR_materials_volume.attenuationDistance KHR_materials_volume.attenuationColor": "",
@@ -119,14 +121,14 @@ PROPERTIES = Table(
         "bufferViews.target images.mimeType samplers.minFilter": "hints; pictures are filtered over the pixel",
         "meshes.primitives.attributes._* EXT_mesh_gpu_instancing.attributes._*": "data of the user",
         "skins.skeleton": "a hint",
+        "KHR_materials_volume.thicknessTexture": "a hint for renderers without rays: a shape has its own thickness",
     },
     not_drawn={
         "meshes.primitives.attributes.COLOR_*": "",
         "meshes.primitives.targets.*": "positions and normals are morphed",
         "KHR_lights_punctual.lights.range": "the light reaches any distance",
         "KHR_materials_clearcoat.* KHR_materials_volume.* KHR_materials_volume_scatter.*": "",
-        "KHR_materials_transmission.transmissionTexture": "",
-        "ADOBE_materials_thin_transparency.transmissionTexture ADOBE_materials_thin_transparency.ior": "",
+        "ADOBE_materials_thin_transparency.ior": "",
         "EXT_mesh_gpu_instancing.attributes.*": "",
     },
 )

@@ -1,4 +1,7 @@
-"""Converts glTF materials with KHR_materials_anisotropy or KHR_materials_iridescence to OpenPBR's slabs.
+"""Converts glTF materials to OpenPBR's slabs, where `principled` and `glass` lack what their extensions add.
+
+That is anisotropy, iridescence, two pictures of KHR_materials_specular, a picture or the roughness of light that passes, and what lies on
+or in solid glass: a coat, sheen, emission, a highlight that is not the index's, a share that light does not pass.
 
 With the roughness r of glTF, α = r², and the strength s of the anisotropy, α along its direction is α + (1 − α) s², and across it α.
 OpenPBR has one roughness R and an anisotropy a: its α are R² √(2 / (1 + (1 − a)²)), and that times 1 − a. Both pairs are made equal.
@@ -27,6 +30,9 @@ NAMES = "KHR_materials_anisotropy", "KHR_materials_iridescence"
 COAT_IOR = 1.5  # of KHR_materials_clearcoat, which darkens no base
 LEAST_ALPHA = 1e-6
 _NANOMETRES = 1e-3  # micrometres
+_SMOOTH = 0.1  # roughness up to which light passes thin surfaces straight
+_ALL = 0.95  # share of the light that passes from which all of it does
+_TRANSMISSIONS = "KHR_materials_transmission", "ADOBE_materials_thin_transparency"
 Picture = Callable[[Any, int], TextureData | None]  # of a reference and a channel
 
 
@@ -34,6 +40,45 @@ def are_used(extensions: dict[str, Any]) -> bool:
     """Whether a material has one of these lobes."""
     strength = extensions.get(NAMES[0], {}).get("anisotropyStrength", 0.0)
     return bool(strength or extensions.get(NAMES[1], {}).get("iridescenceFactor", 0.0))
+
+
+def transmission(extensions: dict[str, Any]) -> dict[str, Any]:
+    """KHR_materials_transmission, or the extension that it was made from; empty without either."""
+    return next((extensions[name] for name in _TRANSMISSIONS if name in extensions), {})
+
+
+def share_of(extensions: dict[str, Any]) -> float:
+    """The factor of the light that passes, 0 to 1."""
+    return min(max(float(transmission(extensions).get("transmissionFactor", 0.0)), 0.0), 1.0)
+
+
+def are_needed(written: dict[str, Any]) -> bool:
+    """Whether a surface is drawn as slabs."""
+    extensions = written.get("extensions", {})
+    if are_used(extensions):
+        return True
+    if share_of(extensions) > 0.0:
+        rough = float(written.get("pbrMetallicRoughness", {}).get("roughnessFactor", 1.0))
+        return rough > _SMOOTH or "transmissionTexture" in transmission(extensions) or written.get("alphaMode") == "MASK"
+    specular = extensions.get("KHR_materials_specular", {})
+    return "specularTexture" in specular and "specularColorTexture" in specular and not _is_metal(written)
+
+
+def are_needed_in_glass(written: dict[str, Any]) -> bool:
+    """Whether solid glass is drawn as slabs: it has more than a boundary and an inside."""
+    extensions = written.get("extensions", {})
+    lobes = (
+        share_of(extensions) < _ALL and "KHR_materials_volume" in extensions, "transmissionTexture" in transmission(extensions),
+        any(written.get("emissiveFactor", BLACK)),
+        extensions.get("KHR_materials_clearcoat", {}).get("clearcoatFactor"),
+        any(extensions.get("KHR_materials_sheen", {}).get("sheenColorFactor", BLACK)),
+        extensions.get("KHR_materials_specular"),
+    )  # fmt: skip
+    return are_used(extensions) or any(map(bool, lobes))
+
+
+def _is_metal(written: dict[str, Any]) -> bool:
+    return float(written.get("pbrMetallicRoughness", {}).get("metallicFactor", 1.0)) != 0.0
 
 
 def roughness_of(rough: float, strength: float) -> tuple[float, float]:
@@ -53,18 +98,22 @@ class Slabs:
     def material(self, surface: Surface, written: dict[str, Any]) -> MaterialData:
         """The material of a metallic–roughness surface with the lobes that its extensions add; where light passes it, a thin wall."""
         inputs = self._given(surface, written)
-        if surface.transmission > 0.0:
-            inputs |= {
-                Slot.TRANSMISSION_WEIGHT: Input.number(surface.transmission), Slot.TRANSMISSION_COLOR: surface.diffuse,
-                Slot.THIN_WALLED: Input.number(1.0),
-            }  # fmt: skip
+        if share_of(written.get("extensions", {})) > 0.0:
+            inputs |= {**self._passing(surface, written, 1.0), Slot.THIN_WALLED: Input.number(1.0)}
         return partial_coverage.with_opacity(openpbr.data(inputs, name=surface.name), surface.opacity, surface.threshold)
 
     def glass(self, surface: Surface, written: dict[str, Any], medium: int) -> MaterialData:
         """The material of solid glass with these lobes, around a medium."""
         inputs = self._given(replace(surface, metallic=NOTHING), written)
-        inputs |= {Slot.TRANSMISSION_WEIGHT: Input.number(1.0), Slot.TRANSMISSION_COLOR: surface.diffuse}
-        return openpbr.simplified(openpbr.data(inputs, name=surface.name, medium=medium))
+        row = openpbr.simplified(openpbr.data(inputs | self._passing(surface, written, _ALL), name=surface.name, medium=medium))
+        return partial_coverage.with_opacity(row, surface.opacity, surface.threshold)
+
+    def _passing(self, surface: Surface, written: dict[str, Any], all_from: float) -> dict[Slot, Input]:
+        """What light passes; a factor from `all_from` on, without a picture, is 1."""
+        extensions = written["extensions"]
+        share, picture = share_of(extensions), self._row(transmission(extensions).get("transmissionTexture"), 0)
+        share = 1.0 if picture == NONE and share >= all_from else share
+        return {Slot.TRANSMISSION_WEIGHT: Input.number(share, picture), Slot.TRANSMISSION_COLOR: surface.diffuse}
 
     def _given(self, surface: Surface, written: dict[str, Any]) -> dict[Slot, Input]:
         s, extensions = surface, written.get("extensions", {})
@@ -82,7 +131,7 @@ class Slabs:
         optional = ((Slot.EMISSION, s.emissive if s.emissive.value != BLACK else None), (Slot.NORMAL, s.normal))
         inputs |= {slot: value for slot, value in optional if value is not None}
         if s.occlusion.texture != NONE:
-            self._warn("the occlusion of a surface with anisotropy or iridescence is not drawn: light from all sides reaches it")
+            self._warn("the occlusionTexture of a surface that is drawn as OpenPBR is not drawn: light from all sides reaches it")
         return inputs
 
     def _highlight(self, s: Surface, extensions: dict[str, Any]) -> tuple[Input, Input, Input]:

@@ -146,6 +146,11 @@ def _extras() -> Iterator[Finding]:
         text = f"for compressed glTF meshes: {distribution.install_command('draco')}"
         yield Finding("draco", "missing", text, {"version": None})
     try:
+        version = metadata.version("opengl_basisu")
+        yield Finding("basisu", "ok", f"opengl_basisu {version}, for pictures in KTX 2", {"version": version})
+    except metadata.PackageNotFoundError:
+        yield Finding("basisu", "missing", f"for pictures in KTX 2: {distribution.install_command('basisu')}", {"version": None})
+    try:
         version = metadata.version("distributed")
         yield Finding("cluster", "ok", f"Dask {version}, for render --cluster", {"version": version})
     except metadata.PackageNotFoundError:

@@ -120,6 +120,7 @@ LATE = {
     "ctypes": "`--help` calls nothing by it",
     "fcntl": "some systems lack it",
     "mapbox_earcut": "only concave polygons need it",
+    "opengl_basisu": "an extra, for pictures in KTX 2",
     "manifold3d": "only solids with meshes in them need it",
     "pyoidn": "only noisy pictures need it",
     "resource": "some systems lack it",

@@ -21,7 +21,7 @@ from . import images
 from .common import uv_sets, vertex_numbers
 from .gltf_container import Container, Warn, check_finite
 from .gltf_errors import GltfError
-from .khronos import slabs
+from .khronos import ktx2, slabs
 
 _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
@@ -358,9 +358,18 @@ class Materials:
             channel=max(channel, -1), frame=_frame(_transform(reference), map_),
         )  # fmt: skip
 
+    def _source(self, texture: dict[str, Any]) -> int | None:
+        """The number of a texture's image: that in KTX 2 where it can be read, else that of the texture itself, else WebP."""
+        packed, own = texture.get("extensions", {}).get("KHR_texture_basisu", {}).get("source"), texture.get("source")
+        if packed is not None and own is not None and (reason := ktx2.missing()):
+            self.warn(f"the pictures beside those in KTX 2 are drawn: {reason}")
+            packed = None
+        webp = texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source")
+        return next((number for number in (packed, own, webp) if number is not None), None)
+
     def _image(self, texture: dict[str, Any], color: bool) -> int:
         """The row of a texture's image; NONE and a warning if it cannot be read."""
-        source = texture.get("source", texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source"))
+        source = self._source(texture)
         if source is None:
             names = sorted(texture.get("extensions", {})) or ["nothing"]
             self.warn(f"a texture is not drawn: its picture is given by {', '.join(names)} alone")

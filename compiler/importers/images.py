@@ -17,6 +17,7 @@ from ..io import color_encoding, library_messages, picture_contents, stage_cache
 from ..io.color_config import Config
 from ..io.color_encoding import Encoding
 from ..io.regular_files import is_regular, read_bytes
+from .khronos import ktx2
 
 if TYPE_CHECKING:
     from ..scene.builder import SceneBuilder
@@ -105,6 +106,8 @@ def read(
     """
     import OpenImageIO as oiio
 
+    if (data := _start(source)).startswith(ktx2.IDENTIFIER):
+        return _read_ktx2(data if isinstance(source, bytes) else read_bytes(source), name, space, limit, color, config)
     with _on_disk(source) as path, np.errstate(all="ignore"):
         wanted = oiio.ImageSpec()
         wanted.attribute("oiio:UnassociatedAlpha", 1)
@@ -140,6 +143,36 @@ def read(
     texels = _in_display_window(_linear(pixels, spec, alpha, encoding), spec)
     odd = 0 if pixels.dtype != np.float32 else _make_finite(texels)
     return Decoded(texels, odd, faults, encoding.changes_colors and bool((texels[..., :3] < 0.0).any()))
+
+
+def _start(source: str | bytes) -> bytes:
+    """The first bytes of an ordinary file, or all that are in memory."""
+    if isinstance(source, bytes):
+        return source
+    if not is_regular(source):
+        return b""
+    with open(source, "rb") as file:
+        return file.read(len(ktx2.IDENTIFIER))
+
+
+def _read_ktx2(data: bytes, name: str, space: str, limit: int, color: bool, config: Config | None) -> Decoded:
+    """A picture in KTX 2, as `read`. How it is used says whether its colours are encoded, as in glTF."""
+    import OpenImageIO as oiio
+
+    try:
+        pixels, is_srgb, others = ktx2.decode(data, name, limit)
+    except InputError as failure:
+        raise ImageError(failure.message, failure.hint) from None
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 4, "uint8")
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    encoding, faults = _encoding(spec, name, space, color, config)
+    if (is_srgb and not color) or (space == "auto" and color and not is_srgb):
+        as_written, used = ("sRGB", "data") if is_srgb else ("linear", "a colour in sRGB")
+        faults = [*faults, (f"the picture `{name}` says that it is {as_written}: it is drawn as {used}", "")]
+    if others:
+        faults = [*faults, (f"the picture `{name}` has {others} further layers or faces, which are not drawn", "")]
+    texels = _linear(pixels, spec, 3, encoding)
+    return Decoded(texels, 0, tuple(faults), encoding.changes_colors and bool((texels[..., :3] < 0.0).any()))
 
 
 def _encoding(spec: Any, name: str, space: str, color: bool, config: Config | None) -> tuple[Encoding, list[tuple[str, str]]]:

@@ -685,9 +685,10 @@ def test_a_gltf_with_a_file_and_a_data_uri(tmp_path):
          "the extension `KHR_materials_scatter` is not drawn"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
           "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},
-         ("the extension `KHR_texture_basisu` is not drawn: "
-          "pictures in KTX 2: `gltf-transform ktxdecompress a.glb b.glb` writes them as PNG",
-          "a texture is not drawn: its picture is given by KHR_texture_basisu alone")),
+         "texture 0, its sampler or its image does not exist: it is left out"),
+        ({"textures": [{"extensions": {"EXT_texture_astc": {"source": 0}}}],
+          "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]},
+         ("the extension `EXT_texture_astc` is not drawn", "a texture is not drawn: its picture is given by EXT_texture_astc alone")),
         ({"scenes": [{"nodes": [1], "mood": 1}],
           "materials": [{"glow": 2}, {"glow": 2}]},
          ("`scenes[0].mood` is not known: it is not drawn", "`materials[0].glow` is not known: it is not drawn")),

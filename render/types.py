@@ -99,6 +99,10 @@ class NoGlossyLights(NamedTuple):
     """Glossy lobes do not sample lights."""
 
 
+class NoDomeMap(NamedTuple):
+    """Skies are sampled by directions of lobes alone."""
+
+
 class Unlinked(NamedTuple):
     """Every light lights all surfaces, and all shadow casters cast its shadows."""
 
@@ -124,6 +128,7 @@ class Options(NamedTuple):
     glossy_lights: Any = NoGlossyLights()  # or glossy_lights.GlossyLights
     links: Any = Unlinked()  # or links.Links
     airlight: Any = NoAirlight()  # or airlight.Airlight
+    dome_map: Any = NoDomeMap()  # or sky_sampling.DomeMap
 
 
 class VertexLight(NamedTuple):

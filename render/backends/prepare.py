@@ -20,7 +20,7 @@ from ..accel.formula_packets import shadow_rays
 from ..accel.traverse import motion_alpha
 from ..film import adaptive_sampling, tile_calls, tile_queue
 from ..geometry.bounds import swept_bounds, world_bounds
-from ..integrator import glossy_lights, no_ray_environment, vertex_lighting, whitted
+from ..integrator import glossy_lights, no_ray_environment, sky_sampling, vertex_lighting, whitted
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
 from ..light import airlight, dome_spots, environment_map, links
@@ -70,7 +70,8 @@ def prepare(scene: ir.Scene, plan: Plan, view: View, general: bool = False) -> P
     tessellations = tessellator.tessellations(tables) if backend == "raster" else {}
     options = options_of(plan, tables, general)
     if plan["transport"] != "path":
-        options = options._replace(airlight=airlight.build(scene.tables))
+        dome_map = sky_sampling.find_dome_map(tables, _horizon(tables, plan), general)
+        options = options._replace(airlight=airlight.build(scene.tables), dome_map=dome_map)
     if backend == "raster" and plan["raster.secondary_rays"] == "none":
         options = options._replace(environment=no_ray_environment.ambient_environment(scene, tables, options, general))
     weights = sobol.filter_table(plan["filter"], on_grid=plan["transport"] != "path")  # the rasterizer draws no paths
@@ -287,16 +288,19 @@ def _path_light(tables: ir.Tables, plan: Plan, packed: Any, accel: Any, frame: A
     from ..integrator.state import path_state
     from ..light import emitter_table
 
-    horizon = None
-    if plan["ground_plane"]:
-        horizon = np.array(no_ray_environment.normal(tables, scene_facts.ground(tables)))
     nowhere = VertexLight(np.full(len(tables.instances.geometry), -1, np.int64), np.zeros((2, 3)))
     vertices: Any = nowhere if general else path_state.NoVertices()
     if (tables.materials.shading[tables.instances.material] == ir.Shading.GOURAUD).any():
         vertices = vertex_lighting.vertex_light(tables, packed, build_bvh(tables, plan, general) if accel is None else accel, frame)
     weighing = path_state.WEIGHINGS.index(plan["mis"])
-    emitters = emitter_table.build(tables, plan["motion_blur"], horizon, general, plan["transport.sky_visibility"] == "learnt")
+    learns = plan["transport.sky_visibility"] == "learnt"
+    emitters = emitter_table.build(tables, plan["motion_blur"], _horizon(tables, plan), general, learns)
     return path_state.PathInputs(emitters, path_state.uses_of(tables), vertices, weighing)
+
+
+def _horizon(tables: ir.Tables, plan: Plan) -> np.ndarray | None:
+    """The unit normal of the ground plane, or None without one."""
+    return np.array(no_ray_environment.normal(tables, scene_facts.ground(tables))) if plan["ground_plane"] else None
 
 
 def cast(nest: Any, kind: type) -> Any:

@@ -16,7 +16,7 @@ from ..material.shader import Shader
 from ..sampling import sobol
 from ..surface import interaction, normal_map
 from ..types import Hit, Lane, Ray, Surface, Vec
-from . import background, glossy_lights, gouraud
+from . import background, glossy_lights, gouraud, sky_sampling
 from .ray_stack import LIGHT_DIMENSIONS
 from .state.records import LightSample, SampleIndex, Scene, ShadingContext
 
@@ -101,7 +101,8 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
     u, v = _sample_numbers(scene, point, light, sampler)
     horizon = ops.like3(point.offset, options.horizon.x, options.horizon.y, options.horizon.z)
     bounded = ((point.instance != options.ground) & (options.ground >= 0)) & tables.lights.shadows[light]
-    direction, share = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
+    sample = lights.cosine_sample_above(point.normal, horizon, bounded, u, v)
+    direction, share = sky_sampling.sample_diffuse(options.dome_map, sample, light, point.normal, horizon, bounded, u, v)
     diffuse = bsdf.matt_share(shader, point.normal, direction, viewer)
     radiance = ops.scale(ops.mul(diffuse, _sky_radiance(scene, point, light, direction)), share)
     visible = _faces(scene, point, shader, direction, active)
@@ -110,7 +111,9 @@ def _add_sky(total: Vec, scene: Scene, shading: ShadingContext, light: int, acti
     glossy = background.samples_sky(options.environment, active & bsdf.is_shiny(shader), shader)
     if ops.any_lane(glossy):
         u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, options.seed)
-        direction, share = bsdf.sample_lobe(shader, point.normal, viewer, u, v, lobe_number(scene, shader, sampler))
+        number = lobe_number(scene, shader, sampler)
+        lobe = bsdf.sample_lobe(shader, point.normal, viewer, u, v, number)
+        direction, share = sky_sampling.sample_highlight(options.dome_map, lobe, light, shader, point.normal, viewer, (u, v, number))
         radiance = ops.mul(share, _sky_radiance(scene, point, light, direction))
         visible = _faces(scene, point, shader, direction, glossy)
         sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, radiance)
@@ -126,7 +129,8 @@ def _add_sky_by_lobe(added: Any, total: Vec, scene: Scene, shading: ShadingConte
     if ops.any_lane(lanes):
         u, v = sobol.pair(sampler.pixel, sampler.sample, _dimension(sampler, light) + 1, scene.options.seed)
         default = (point.normal, (0.0 * u, 0.0 * u, 0.0 * u))
-        direction, share = added_lobes.sample_lobe(added, default, point.normal, viewer, u, v)
+        lobe = added_lobes.sample_lobe(added, default, point.normal, viewer, u, v)
+        direction, share = sky_sampling.sample_added(scene.options.dome_map, lobe, light, added, point.normal, viewer, (u, v))
         radiance = ops.mul(share, _sky_radiance(scene, point, light, direction))
         visible = _faces(scene, point, shading.shader, direction, lanes)
         sample = LightSample(light, _shadow_origin(point, direction), direction, lights.FAR, radiance)

@@ -59,9 +59,14 @@ def build(
     openings = sky_openings.empty() if general or learns else sky_openings.NoOpenings()
     sky_map = _build(tables, row, horizon, learns)
     if general and isinstance(sky_map, Even):
-        frame, edges = np.eye(3, 4)[None], np.array([0.0, 1.0])
-        return SkyMap(frame, frame, edges, edges, np.zeros(1), 1, 1, 0.0, -1, openings)
+        return empty_map()._replace(openings=openings)
     return sky_map if isinstance(sky_map, Even) else sky_map._replace(openings=openings)
+
+
+def empty_map() -> SkyMap:
+    """A map without a row of emitters."""
+    frame, edges = np.eye(3, 4)[None], np.array([0.0, 1.0])
+    return SkyMap(frame, frame, edges, edges, np.zeros(1), 1, 1, 0.0, -1)
 
 
 def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, learns: bool) -> SkyMap | Even:
@@ -72,14 +77,37 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, lea
     if not len(domes) and not (alone and lit.color[kinds].any()):
         return Even()
     frame = int(lit.transform[domes[0]]) if len(domes) else 0
-    matrix = tables.transforms.matrix[[frame]]
-    inverse = tables.transforms.inverse[[frame]]
     if learns and not len(domes):
         bright = np.full((1, 1), float((lit.color[kinds] @ metrics.LUMINANCE).sum()))
     else:
-        bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, matrix[0])
+        bright = _image_luminance(tables, int(domes[0])) if len(domes) == 1 else _sky_luminance(tables, tables.transforms.matrix[frame])
     if alone and len(domes) == 1:
         bright = bright + float((lit.color[kinds & ~ir.is_in(lit.kind, PICTURED)] @ metrics.LUMINANCE).sum())
+    return _of_luminance(tables, frame, bright, horizon, alone, row)[0]
+
+
+def of_dome(tables: ir.Tables, light: int, horizon: NDArray[np.float64] | None) -> tuple[SkyMap | Even, float, float]:
+    """(map of one dome's light above the mean, its share of the dome's light, second moment of samples of both over cosine samples)."""
+    bright = _image_luminance(tables, light)
+    sky_map, share = _of_luminance(tables, int(tables.lights.transform[light]), bright, horizon, False, 0)
+    return sky_map, share, 1.0 if isinstance(sky_map, Even) else _moment_ratio(bright, sky_map, share)
+
+
+def _moment_ratio(bright: NDArray[np.float64], sky_map: SkyMap, share: float) -> float:
+    """Second moment of one-sample MIS of a map and of cosines over that of cosines alone, a mean over all normals without blockers."""
+    height = len(bright)
+    solid = -np.diff(np.cos(np.pi * np.arange(height + 1) / height))[:, None]
+    squared, of_map = bright**2 * solid, share * sky_map.density.reshape(bright.shape)
+    cosines = (np.arange(8) + 0.5) / 8.0
+    mixed = sum(float(np.sum(squared * (c / np.pi) ** 2 / (of_map + (1.0 - share) * c / np.pi))) for c in cosines) / 8.0
+    return mixed / max(float(np.sum(squared)) * 0.5 / np.pi, lights.TINY)
+
+
+def _of_luminance(
+    tables: ir.Tables, frame: int, bright: NDArray[np.float64], horizon: NDArray[np.float64] | None, alone: bool, row: int
+) -> tuple[SkyMap | Even, float]:  # fmt: skip
+    """(map, share of the light that it holds) of a luminance (h, w) in a frame, less the mean unless `alone`."""
+    matrix = tables.transforms.matrix[[frame]]
     height, width = bright.shape
     edges = np.cos(np.pi * np.arange(height + 1) / height)
     solid = (2.0 * np.pi / width) * (edges[:-1] - edges[1:])[:, None]
@@ -89,13 +117,15 @@ def _build(tables: ir.Tables, row: int, horizon: NDArray[np.float64] | None, lea
         more[_below(matrix[0], horizon, height, width)] = 0.0
     total = float(np.sum(more * solid))
     if not total > EVEN * integral:
-        return Even()
+        return Even(), 0.0
     share = more * solid
     columns = np.concatenate([np.zeros((height, 1)), np.cumsum(share, axis=1)], axis=1)
     rows = np.concatenate([[0.0], np.cumsum(columns[:, -1])]) / columns[:, -1].sum()
     columns /= np.maximum(columns[:, -1:], 1e-300)
     columns[:, -1], rows[-1] = 1.0, 1.0
-    return SkyMap(matrix, inverse, rows, columns.ravel(), (more / total).ravel(), width, height, total, row)
+    inverse = tables.transforms.inverse[[frame]]
+    sky_map = SkyMap(matrix, inverse, rows, columns.ravel(), (more / total).ravel(), width, height, total, row)
+    return sky_map, total / integral
 
 
 def is_sampled_alone(tables: ir.Tables) -> bool:
@@ -180,11 +210,12 @@ def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
 
 @helper
 def _density(sky: SkyMap, place: Vec, direction: Vec) -> Lane:
-    return _density_by_openings(sky.openings, _map_density(sky, direction), place, direction)
+    return _density_by_openings(sky.openings, map_density(sky, direction), place, direction)
 
 
 @helper
-def _map_density(sky: SkyMap, direction: Vec) -> Lane:
+def map_density(sky: SkyMap, direction: Vec) -> Lane:
+    """Return the solid angle density of `sample_map`."""
     height, width = sky.height, sky.width
     x, y, z = ops.normalize(affine.transform_vector(sky.inverse, 0, direction))
     s, t = 0.5 - ops.atan2(x, z) * (0.5 / math.pi), 0.5 - ops.asin(ops.clip(y, -1.0, 1.0)) * (1.0 / math.pi)
@@ -210,7 +241,7 @@ def _sample_openings(openings: Any, default: tuple[Vec, Lane], sky: SkyMap, plac
     through = u < share
     narrowed = ops.where(through, u / openings.share, (u - share) / (1.0 - share))
     direction = ops.where3(through, sky_openings.sample(openings, place, narrowed, v), sample_map(sky, narrowed, v)[0])
-    return direction, _mixed_density(openings, _map_density(sky, direction), place, direction)
+    return direction, _mixed_density(openings, map_density(sky, direction), place, direction)
 
 
 @helper

@@ -33,10 +33,9 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
 
 @helper
 def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
-    """`reflected` as (share of diffuse and classic lobes, share of glossy lobes, solid angle density of `sample_lobe`)."""
-    none = 0.0 * normal[0]
-    light = added_lobes.value(shader.added, phong.reflected_classic(shader, normal, to_light, to_viewer), normal, to_light, to_viewer)
-    classic = light, (none, none, none), none
+    """`reflected` as (share of diffuse and added lobes, share of highlights, solid angle density of `sample_lobe`)."""
+    diffuse, highlight, density = phong.eval_lobes_pdf(shader, normal, to_light, to_viewer)
+    classic = added_lobes.value(shader.added, diffuse, normal, to_light, to_viewer), highlight, density
     values = microfacet.eval_lobes_pdf(shader.lobes, classic, normal, to_light, to_viewer)
     values = openpbr.eval_lobes_pdf(shader.slabs, values, normal, to_light, to_viewer)
     return rough_dielectric.eval_lobes_pdf(shader.frost, values, normal, to_light, to_viewer)

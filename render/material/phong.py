@@ -30,6 +30,17 @@ def reflected_classic(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec
 
 
 @helper
+def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
+    """`reflected_classic` as (share of the diffuse lobe, share of the highlight, solid angle density of `sample_classic_lobe`)."""
+    cosine = ops.dot(normal, to_light)
+    lobe, density = 0.0 * cosine, 0.0 * cosine
+    if ops.any_lane(ops.largest(shader.specular) > 0.0):
+        lobe = ops.where(has_highlight(shader, cosine), highlight(shader, normal, to_light, to_viewer, cosine), 0.0)
+        density = lobe_density(shader, normal, to_light, to_viewer)
+    return eval_diffuse(shader, cosine), ops.scale(shader.specular, lobe), density
+
+
+@helper
 def eval_diffuse(shader: Shader, cosine: Lane) -> Vec:
     """Return the diffuse share."""
     return ops.scale(shader.diffuse, ops.maximum(cosine, 0.0))

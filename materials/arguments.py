@@ -25,7 +25,8 @@ OPACITY = (
 SURFACE = (
     *OPACITY,
     Arg(
-        "normal_map", "texture", None, "perturbs its normals: red along u, green along v, blue outwards, 0..255 for −1..1 (as in OpenGL)",
+        "normal_map", "texture", None,
+        "perturbs its normals: red along u, green along v, blue outwards, 0..255 for −1..1 (as in OpenGL); or flakes(…)",
         keyword=True,
     ),
     Arg("normal_strength", "number", None, "strength of the normal map; default 1", minimum=0.0, keyword=True),

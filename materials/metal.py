@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,12 +45,16 @@ def _brushed(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> MaterialData
     if arguments.shading == ir.Shading.GOURAUD:
         arguments.error("metal: light of an anisotropic metal is computed at points", 'leave out `shading: "gouraud"`')
     turns = Input.number(0.0) if arguments.args["rotation"] is None else arguments.number("rotation")
-    slabs = {
-        ir.Slot.METALLIC: Input.number(1.0), ir.Slot.DIFFUSE: inputs[ir.Slot.SPECULAR], ir.Slot.SPECULAR: inputs[ir.Slot.EDGE],
-        ir.Slot.ROUGHNESS: inputs[ir.Slot.ROUGHNESS], ir.Slot.ANISOTROPY: arguments.number("anisotropy"), ir.Slot.ROTATION: turns,
-    }  # fmt: skip
+    turned = {ir.Slot.ANISOTROPY: arguments.number("anisotropy"), ir.Slot.ROTATION: turns}
     shading = ir.Shading.SMOOTH if arguments.shading == ir.Shading.GOURAUD else arguments.shading
-    return openpbr.data(slabs, shading=shading)
+    return replace(slabs({**inputs, **turned}), shading=shading)
+
+
+def slabs(inputs: Mapping[ir.Slot, Input]) -> MaterialData:
+    """Slabs of a metal of these inputs."""
+    others = {slot: entry for slot, entry in inputs.items() if slot not in (ir.Slot.SPECULAR, ir.Slot.EDGE)}
+    base = {ir.Slot.METALLIC: Input.number(1.0), ir.Slot.DIFFUSE: inputs[ir.Slot.SPECULAR], ir.Slot.SPECULAR: inputs[ir.Slot.EDGE]}
+    return openpbr.data({**others, **base})
 
 
 ELEMENTS = (

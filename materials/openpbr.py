@@ -77,7 +77,7 @@ _CLEAR: Mapping[ir.Slot, float] = {
 
 
 def simplified(row: MaterialData) -> MaterialData:
-    """Glass in place of slabs that are nothing else: it keeps the light of further bounces in rough refraction, and has dispersion."""
+    """Glass in place of slabs that are nothing else: it has dispersion and priorities, and takes less time."""
     for slot, value in _CLEAR.items():
         entry = row.inputs.get(slot, Input.number(0.0))
         if entry.texture >= 0 or any(component != value for component in entry.value[: 3 if slot in _COLORED else 1]):
@@ -223,7 +223,7 @@ ELEMENTS = (
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.SLABS, Slot.DIFFUSE, None, False
 SLOTS = (
     *(slot for slot, *_ in NUMBERS.values()), *(slot for slot, *_ in COLORS.values()), Slot.EMISSION, Slot.THIN_WALLED,
-    Slot.SUBSURFACE_ANISOTROPY,
+    Slot.SUBSURFACE_ANISOTROPY, Slot.FLAKE_SIZE, Slot.FLAKE_TILT, Slot.FLAKE_COVERAGE, Slot.FLAKE_SEED,
 )  # fmt: skip
 LOBE = facets = None
 
@@ -238,8 +238,18 @@ def _color(row: Any) -> Input:
     return Input(scale_color(color.value, _number(row, Slot.BASE_WEIGHT)), color.texture)
 
 
+def _roughness(row: Any) -> Input:
+    """The roughness of the base; where it has flakes, that of all flakes together, as they look from far."""
+    rough = row.input(Slot.ROUGHNESS)
+    if _number(row, Slot.FLAKE_SIZE) == 0.0 or rough.texture >= 0 or row.texture(Slot.FLAKE_TILT) >= 0:
+        return rough
+    return Input.number(min((_number(row, Slot.ROUGHNESS) ** 4 + _number(row, Slot.FLAKE_TILT) ** 4) ** 0.25, 1.0))
+
+
 def _report(row: Any, *carried: ir.Slot) -> None:
     """Report each input that is set and that the format lacks."""
+    if _number(row, Slot.FLAKE_SIZE) > 0.0:
+        row.cannot(losses.FLAKES)
     plain = {slot: (value, value, value) for slot, value, _ in COLORS.values()}
     plain |= {slot: (default, 0.0, 0.0) for slot, default, *_ in NUMBERS.values()}
     parts = {Slot.COAT: COAT, Slot.FUZZ: FUZZ, Slot.FILM: FILM}
@@ -263,14 +273,14 @@ def surface(row: SurfaceRow) -> Exported:
     carried = (Slot.IOR, Slot.COAT, Slot.COAT_ROUGHNESS, Slot.FUZZ, Slot.FUZZ_COLOR, Slot.FUZZ_ROUGHNESS)
     if _number(row, Slot.TRANSMISSION_WEIGHT) == 1.0 and row.texture(Slot.TRANSMISSION_WEIGHT) < 0:
         _report(row, *carried, *_BASE, Slot.TRANSMISSION_WEIGHT, Slot.TRANSMISSION_COLOR)
-        return Exported(row.surface(row.input(Slot.TRANSMISSION_COLOR), NOTHING, row.input(Slot.ROUGHNESS), row.ior), 1.0)
+        return Exported(row.surface(row.input(Slot.TRANSMISSION_COLOR), NOTHING, _roughness(row), row.ior), 1.0)
     _report(row, *_BASE, *carried)
     fuzz, weight = row.input(Slot.FUZZ_COLOR), _number(row, Slot.FUZZ)
     if weight > 0.0:
         row.note(losses.FUZZ)
     return Exported(
         row.surface(
-            _color(row), row.input(Slot.METALLIC), row.input(Slot.ROUGHNESS), row.ior, emissive=row.input(Slot.EMISSION),
+            _color(row), row.input(Slot.METALLIC), _roughness(row), row.ior, emissive=row.input(Slot.EMISSION),
             coat=row.input(Slot.COAT), coat_roughness=row.input(Slot.COAT_ROUGHNESS),
             sheen=Input(scale_color(fuzz.value, weight), fuzz.texture), sheen_roughness=row.input(Slot.FUZZ_ROUGHNESS),
         )

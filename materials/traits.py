@@ -180,6 +180,11 @@ def filmed(tables: ir.Tables) -> np.ndarray:
     return slabs(tables) & _may_exceed(tables, Slot.FILM)
 
 
+def flaked(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: slabs with flakes in their base."""
+    return slabs(tables) & (tables.materials.values[:, Slot.FLAKE_SIZE, 0] > 0.0)
+
+
 def added(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with a lobe beside the classic ones."""
     return _ADDED[tables.materials.model]

@@ -114,6 +114,10 @@ class Slot(Kind):
     THIN_WALLED = 43  # number, 0 or 1; no texture
     DISPERSION = 44  # number: 20 over the Abbe number of glass; 0: one index for all wavelengths; no texture
     SUBSURFACE_ANISOTROPY = 45  # number, −1 to 1; no texture
+    FLAKE_SIZE = 46  # number: metres in the geometry's frame; 0: no flakes; no texture
+    FLAKE_TILT = 47  # number: as a roughness
+    FLAKE_COVERAGE = 48  # number: share of the cells that have a flake
+    FLAKE_SEED = 49  # number; no texture
 
 
 SLOTS = len(Slot)

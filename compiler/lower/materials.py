@@ -20,6 +20,7 @@ from ..importers.images import ImageError
 from ..io.sandbox import FileError
 from ..scene import partial_coverage
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, MediumData, TextureData, scale_color
+from . import flakes
 from .context import Context
 
 Slot = ir.Slot
@@ -60,6 +61,8 @@ class Materials:
         plain = ELEMENTS[element.kind][1].lower(_Arguments(self, element))
         if plain.first >= 0:
             plain = replace(plain, medium=self.inside_of_parts(element, plain.first, plain.second))
+        if (pattern := element.args.get("normal_map")) is not None and pattern.kind == "flakes":
+            plain = self._with_flakes(element, plain, pattern)
         plain = replace(plain, inputs={**plain.inputs, **self._maps(element)})
         return partial_coverage.with_opacity(plain, self._opacity(element.args["opacity"]), element.args["opacity_threshold"])
 
@@ -82,7 +85,7 @@ class Materials:
                 message = f"a `{texture}` turns no normals where light is computed at vertices"
                 self._lowering.error(element, message, 'leave out `shading: "gouraud"`')
         inputs = {}
-        if args.get("normal_map") is not None:
+        if args.get("normal_map") is not None and args["normal_map"].kind != "flakes":
             strength = 1.0 if args["normal_strength"] is None else args["normal_strength"]
             row = self.texture(args["normal_map"], color=True, directions=True)
             inputs[Slot.NORMAL] = Input((strength, strength, 1.0), row) if row >= 0 else Input(BLACK)
@@ -91,6 +94,17 @@ class Materials:
             height = 0.01 if args["bump_height"] is None else args["bump_height"]
             inputs[Slot.BUMP] = Input.number(height, row) if row >= 0 else Input(BLACK)
         return inputs
+
+    def _with_flakes(self, element: Element, row: MaterialData, pattern: Element) -> MaterialData:
+        """A material with flakes in its base; the material itself after a diagnostic."""
+        if element.args.get("normal_strength") is not None:
+            self._lowering.error(element, "flakes have no `normal_strength`", "give flakes(…) another `tilt`")
+        args = pattern.args
+        try:
+            return flakes.with_flakes(row, args["size"], self.number(args["tilt"]), self.number(args["coverage"]), args["seed"])
+        except flakes.NoFacetsError as unfit:
+            self._lowering.error(element, str(unfit), unfit.hint)
+            return row
 
     def _opacity(self, value: Any) -> Input:
         if isinstance(value, Element) and value.kind == "image":
@@ -132,6 +146,9 @@ class Materials:
 
     def _texture(self, element: Element, color: bool, data: bool) -> TextureData | None:
         args = element.args
+        if element.kind == "flakes":
+            self._lowering.error(element, "flakes(…) tilt facets: they are no colour and no number", "give them as `normal_map`")
+            return None
         if element.kind == "pattern":
             return self._pattern(element, args["formula"], color)
         common: dict[str, Any] = {"mapping": _MAPPINGS[args["mapping"]], "frame": _frame(args), "channel": -1 if color else 0}

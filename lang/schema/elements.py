@@ -58,6 +58,21 @@ TEXTURES = (
         (Arg("formula", "formula", REQUIRED, "its value; x, y and z are plain numbers in the file's unit"),),
         example="pattern(|x, y, z| 0.5 + 0.4 * noise(8 * x, 8 * y, 8 * z))",
     ),
+    Entry(
+        "flakes",
+        "texture",
+        "a `normal_map` of flakes that tilt the facets of a base, under its coat: car paint, glitter; filtered over a pixel",
+        (
+            Arg("size", "length", 0.001, "mean width of a flake, in the object's frame", above=0.0),
+            Arg(
+                "tilt", "number_map", 0.4, "roughness of the flakes' tilts: from far, they are facets of both roughnesses",
+                minimum=0.0, maximum=1.0, keyword=True,
+            ),
+            Arg("coverage", "number_map", 1.0, "share of the surface that has flakes", minimum=0.0, maximum=1.0, keyword=True),
+            Arg("seed", "int", 0, "number of the random places and tilts", minimum=0.0, keyword=True),
+        ),
+        example="sphere(1, material: openpbr(#3060a0, base_metalness: 1, coat_weight: 1, normal_map: flakes(1cm)))",
+    ),
 )
 
 CAMERA = Entry(

@@ -24,7 +24,7 @@ from ..integrator import glossy_lights, no_ray_environment, sky_sampling, vertex
 from ..jit import compile_process
 from ..jit.packed_struct import Handle, HandleType
 from ..light import airlight, dome_spots, environment_map, links
-from ..material import medium_stack, principled
+from ..material import flakes, medium_stack, principled
 from ..sampling import sobol
 from ..simd import target
 from ..surface import texture_footprint
@@ -113,7 +113,7 @@ def _renderable_tables(scene: ir.Scene, plan: Plan, view: View, tessellator: Vie
     around = camera_media.around(source, view.camera)
     flat = vertex_meshes.replace_vertex_shaded(transparent, tessellator)
     tables = principled.tables_for(flat, general, around, plan["working_space"] if plan["transport"] == "path" else None)
-    tables = graphs.with_lookups(tables)
+    tables = flakes.with_view(graphs.with_lookups(tables), view, _texture_samples(plan))
     if plan["transport"] == "path" and plan["backend"] == "ray":
         return tables  # paths do not filter textures
     if plan["texture_filter"] == "footprint":

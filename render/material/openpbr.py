@@ -11,6 +11,9 @@ import functools
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...compiler import ir
 from ...materials import traits
 from ...materials.thresholds import LOWEST, MAX_CAUSTIC_ALPHA, MAX_REFLECTION_ALPHA
@@ -21,7 +24,7 @@ from ..simd.registration import overload
 from ..surface import tangent_frame
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
-from . import anisotropic_facets, dielectric_albedo, energy_compensation, slab_film, slabs
+from . import anisotropic_facets, dielectric_albedo, energy_compensation, flakes, rough_dielectric, slab_film, slabs
 from .anisotropic_facets import Facets
 from .slab_passage import SAME, Passage
 from .slabs import LEAST, Slabs
@@ -65,7 +68,7 @@ class NoPassages(NamedTuple):
 class Passages(NamedTuple):
     """Light passes some material of slabs."""
 
-    count: int
+    rough: rough_dielectric.AlbedoTables  # by the materials' indices under their coats
 
 
 class SlabTables(NamedTuple):
@@ -76,6 +79,7 @@ class SlabTables(NamedTuple):
     turned: Any  # tangent_frame.Turned or Round
     films: Any  # Films or NoFilms
     passages: Any  # Passages or NoPassages
+    flakes: Any  # flakes.Flakes or NoFlakes
 
 
 def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
@@ -85,8 +89,19 @@ def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
     used = traits.used(tables)
     turned = tangent_frame.Turned(1) if general or (traits.anisotropic(tables) & used).any() else tangent_frame.Round()
     films = Films(1) if general or (traits.filmed(tables) & used).any() else NoFilms()
-    passages = Passages(1) if general or (traits.passed(tables) & used).any() else NoPassages()
-    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages)
+    passing = traits.passed(tables) & used
+    boundaries = rough_dielectric.tables_of_indices(_relative_indices(tables), passing) if general or passing.any() else None
+    passages = NoPassages() if boundaries is None else Passages(boundaries)
+    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages, flakes.tables_of(tables, general))
+
+
+def _relative_indices(tables: ir.Tables) -> NDArray[np.float64]:
+    """(materials,) the constant index of each base, over that of its coat, above 1."""
+    values = tables.materials.values[..., 0]
+    ratio = np.maximum(values[:, IOR], 1e-3) / (1.0 + np.clip(values[:, COAT], 0.0, 1.0) * (np.maximum(values[:, COAT_IOR], 1.0) - 1.0))
+    step = np.abs(ratio - 1.0) / (ratio + 1.0) * np.sqrt(np.maximum(values[:, SPECULAR_WEIGHT], 0.0))
+    step = np.minimum(step, dielectric_albedo.STEEPEST)
+    return np.round((1.0 + step) / (1.0 - step), 3)
 
 
 def at(tables: Tables, surface: Surface) -> Slabs | None:
@@ -157,11 +172,13 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         ratio = ratio / ops.lerp(zero + 1.0, coat_ratio, coat)
     fibres = ops.where(has_slabs, _share(tables, surface, FUZZ), zero)
     facets = anisotropic_facets.facets(tangent, across, turns, rough, anisotropy)
+    flake = flakes.at(materials.slabs.flakes, None, tables, surface, facets)
+    facets = flakes.all_facets(flake, facets)
     plain = Slabs(
         has_slabs, color, _share(tables, surface, DIFFUSE_ROUGHNESS), metal, bend, ops.clip(gleam, 0.0, 1.0), step_of(ratio, gleam), tint,
         facets, coat, coat_step, coat_ratio, log, coat_facets, dark, fibres, _color(tables, surface, FUZZ_COLOR),
         _share(tables, surface, FUZZ_ROUGHNESS), materials.slabs.metal, materials.slabs.reflection,
-        _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)), None,
+        _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)), None, flake,
     )  # fmt: skip
     return _with_passage(materials.slabs.passages, plain, tables, surface)
 
@@ -185,6 +202,7 @@ def _passing(passages: Passages, plain: Slabs, tables: Tables, surface: Surface)
     passage = Passage(
         ops.where(leaves, zero, clear), diffuse, opaque, _color(tables, surface, TRANSMISSION_COLOR),
         ops.where3(thin, ops.scale(wall, 0.5 * (1.0 + turned)), white), thin | (ops.absolute(ratio - 1.0) < SAME), inside, ratio,
+        rough_dielectric.of_row(passages.rough, surface.material, inside, plain.facets.alpha, ratio),
     )  # fmt: skip
     return _replaced(
         plain, color, ops.where(leaves, zero, plain.metal), ops.where3(shown, plain.tint, (zero, zero, zero)),

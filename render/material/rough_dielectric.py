@@ -65,12 +65,16 @@ class RoughGlass(NamedTuple):
 
 def tables_of(tables: ir.Tables, general: bool = False) -> AlbedoTables | Clear:
     """Return the tables of a scene's rough glass; without any Clear, with `general` a table that no material uses."""
-    m = tables.materials
     rough = traits.rough_glass(tables)
-    if not (rough & traits.used(tables)).any():
-        unused = np.zeros((2 * ROWS * COLUMNS, 4)), np.zeros((2 * ROWS, 4))
-        return AlbedoTables(np.zeros(len(m.model), np.int64), *unused) if general else Clear()
-    indices, rows = np.unique(np.where(rough, m.values[:, IOR, 0], 1.5), return_inverse=True)
+    used = bool((rough & traits.used(tables)).any())
+    return tables_of_indices(tables.materials.values[:, IOR, 0], rough & used) if used or general else Clear()
+
+
+def tables_of_indices(index: F64, rough: NDArray[np.bool_]) -> AlbedoTables:
+    """Return the tables of materials of these indices, of those that are rough; without any, a table that no material uses."""
+    if not rough.any():
+        return AlbedoTables(np.zeros(len(index), np.int64), np.zeros((2 * ROWS * COLUMNS, 4)), np.zeros((2 * ROWS, 4)))
+    indices, rows = np.unique(np.where(rough, index, index[rough][0]), return_inverse=True)
     albedo_tables = [albedo_table(float(index)) for index in indices]
     return AlbedoTables(
         rows.ravel().astype(np.int64), np.concatenate([t[0] for t in albedo_tables]), np.concatenate([t[1] for t in albedo_tables])
@@ -109,6 +113,15 @@ def _at(tables: Tables, surface: Surface, ior: Lane, tint: Vec) -> RoughGlass:
     inner = ops.where(surface.front, 0, ROWS)
     alpha = ops.maximum(alpha, microfacet.SHARP)
     return RoughGlass(is_rough, alpha, ops.where(is_rough, ratio, 1.5), tint, first + inner, first + (ROWS - inner), materials.rough_glass)
+
+
+@helper
+def of_row(table: AlbedoTables, material: Lane, inside: Lane, alpha: Lane, ratio: Lane) -> RoughGlass:
+    """The parameters of a material of `tables_of_indices` seen from one side, without a tint."""
+    first, unity = ops.int_like(alpha, 0) + ops.to_int(table.of[material]) * (2 * ROWS), 0.0 * alpha + 1.0
+    inner = ops.where(inside, ROWS, 0)
+    alpha = ops.maximum(alpha, microfacet.SHARP)
+    return RoughGlass(inside, alpha, ratio, (unity, unity, unity), first + inner, first + (ROWS - inner), table)
 
 
 # --- energy compensation -------------------------------------------------------------------------------------------------

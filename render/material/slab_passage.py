@@ -1,7 +1,7 @@
 """Light that passes slabs: refracted by rough facets, straight through a thin wall, or diffusely into a body or through a wall.
 
 - Refraction: Walter et al. 2007, by visible normals of both roughnesses, with the height-correlated shadowing of rough_dielectric. Light
-  of further bounces is left out, so that rough glass is darker.
+  of further bounces leaves diffusely on both sides, by the tables of rough_dielectric; of a wall by those of energy_compensation.
 - A thin wall has one boundary: what it does not reflect leaves mirrored about the wall, so that its roughness blurs what lies behind.
 - A body gets what its boundary lets through, 1 − R(μₒ), in all directions of the cosine. From inside, light leaves in proportion to
   (1 − R(μᵢ)) over its mean, as in `body_coat`.
@@ -17,7 +17,7 @@ from typing import NamedTuple
 from ..jit.kernel import helper
 from ..lanes import ops
 from ..types import Lane, Vec
-from . import anisotropic_facets, rough_dielectric
+from . import anisotropic_facets, energy_compensation, rough_dielectric
 from .anisotropic_facets import Facets
 
 LEAST = 1e-7
@@ -35,6 +35,29 @@ class Passage(NamedTuple):
     straight: Lane  # bool: a thin wall, or a boundary that does not refract
     inside: Lane  # bool: the viewer is inside of a solid
     ratio: Lane  # index of the other side over this side's
+    rough: rough_dielectric.RoughGlass  # the boundary, for light of further bounces
+
+
+@helper
+def lost_share(passage: Passage, table: energy_compensation.Albedo, cosine: Lane, other: Lane) -> Lane:
+    """The share of light that a single bounce loses at a cosine of this side, or of the other."""
+    rough = passage.rough
+    glass = rough_dielectric.lost_share(rough, ops.where(other, rough.other, rough.row), cosine)
+    wall = 1.0 - energy_compensation.directional_albedo(table, cosine, rough.alpha)[0]
+    return ops.where(passage.straight, wall, glass)
+
+
+@helper
+def mean_lost_shares(passage: Passage, table: energy_compensation.Albedo) -> tuple[Lane, Lane, Lane]:
+    """(mean loss on this side, on the other, share of the loss that passes)."""
+    rough = passage.rough
+    this, other, through = rough_dielectric.mean_lost_shares(rough)
+    wall = 1.0 - energy_compensation.means(table, rough.alpha)[0]
+    step = (passage.ratio - 1.0) / (passage.ratio + 1.0)
+    return (
+        ops.where(passage.straight, wall, this), ops.where(passage.straight, wall, other),
+        ops.where(passage.straight, 1.0 - ops.minimum(2.0 * step * step, 1.0), through),
+    )  # fmt: skip
 
 
 @helper

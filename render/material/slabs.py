@@ -22,6 +22,7 @@ from . import (
     anisotropic_facets,
     dielectric_albedo,
     energy_compensation,
+    flakes,
     further_bounces,
     fuzz,
     microfacet,
@@ -63,6 +64,7 @@ class Slabs(NamedTuple):
     reflection: dielectric_albedo.Reflection
     film: Any = None  # Film; None in scenes without
     passage: Any = None  # slab_passage.Passage; None in scenes without
+    flake: Any = None  # flakes.Flake, whose facets are those of one flake; None in scenes without
 
 
 class Seen(NamedTuple):
@@ -84,6 +86,7 @@ class Chances(NamedTuple):
     highlight: Lane
     again: Lane
     through: Lane  # refracted, or straight through a thin wall
+    spread: Lane  # of further bounces at a boundary that refracts, to both sides
     fuzz: Lane
     matt: Lane
     body: Lane  # diffusely to the other side
@@ -231,11 +234,30 @@ _passing = specialize_if_present(_mean_passing)  # Seen.passes, 1 − R: what th
 
 
 @helper
-def _passage_chances(passage: Passage, plain: tuple[Lane, Lane], below: Lane) -> tuple[Lane, Lane]:
-    return below * passage.share * ops.mean3(passage.tint), below * passage.diffuse * ops.mean3(passage.diffuse_tint)
+def _passing_from_inside(passage: Passage, plain: Lane, alpha: Lane) -> Lane:
+    return ops.where(passage.inside, ops.lerp(plain, 0.0 * plain + 0.5, ops.minimum(ops.sqrt(alpha), 0.9)), plain)
 
 
-_passing_chances = specialize_if_present(_passage_chances)  # passage, zeros, what gets past the boundary: (through, body)
+_blurred = specialize_if_present(_passing_from_inside)  # passage, share that passes, α: for probabilities, also past the critical angle
+
+
+@helper
+def _passage_chances(
+    passage: Passage, plain: tuple[Lane, Lane, Lane], slabs: Slabs, past: Lane, below: Lane, cosine: Lane
+) -> tuple[Lane, Lane, Lane]:
+    tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, slabs.table)[2]
+    lost = below * passage.share * _lost_share(passage, slabs, cosine, ops.bool_like(cosine, False))
+    through = ops.maximum(past * passage.share - lost, 0.05 * past * passage.share)
+    return through * tint, lost * (1.0 - sides + sides * tint), past * passage.diffuse * ops.mean3(passage.diffuse_tint)
+
+
+_passing_chances = specialize_if_present(_passage_chances)
+"""passage, zeros, slabs, what gets past the boundary, what arrives there, the viewer's cosine: (through, spread, body)."""
+
+
+@helper
+def _lost_share(passage: Passage, slabs: Slabs, cosine: Lane, other: Lane) -> Lane:
+    return slab_passage.lost_share(passage, slabs.table, cosine, other) * (1.0 - UNEVEN[0] * _unevenness(slabs.facets))
 
 
 @helper
@@ -247,19 +269,20 @@ def chances(slabs: Slabs, normal: Vec, to_viewer: Vec) -> tuple[Chances, Seen]:
     under = 1.0 - fibres
     below = under * (1.0 - out.coat) * ops.mean3(ops.mul(slabs.dark, _absorbed(slabs, 2.0 * out.path)))
     share = slabs.metal * slabs.gleam
-    passes = _passing(out.passes, 1.0 - out.base)
+    passes = _blurred(slabs.passage, _passing(out.passes, 1.0 - out.base), slabs.facets.alpha)
     shine = share * ops.mean3(out.bright) + (1.0 - slabs.metal) * (1.0 - passes) * ops.mean3(slabs.tint)
     past = below * (1.0 - slabs.metal) * passes
     matt, again = _opaque(slabs.passage, 0.0 * cosine + 1.0) * past * ops.mean3(slabs.color), share * out.lost * ops.mean3(slabs.color)
-    through, body = _passing_chances(slabs.passage, (0.0 * cosine, 0.0 * cosine), past)
+    dielectric, none = below * (1.0 - slabs.metal), (0.0 * cosine, 0.0 * cosine, 0.0 * cosine)
+    through, spread, body = _passing_chances(slabs.passage, none, slabs, past, dielectric, cosine)
     fuzzy = fibres * ops.mean3(slabs.fuzz_color)
-    return Chances(under * out.coat, below * shine, below * again, through, fuzzy, matt, body), out
+    return Chances(under * out.coat, below * shine, below * again, through, spread, fuzzy, matt, body), out
 
 
 @helper
 def shine_total(chance: Chances) -> Lane:
     """The sum of the chances of the highlights."""
-    return chance.coat + chance.highlight + chance.again + chance.through
+    return chance.coat + chance.highlight + chance.again + chance.through + chance.spread
 
 
 @helper
@@ -284,9 +307,10 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
     least = 1.0 - ops.maximum(out.coat, into.coat)
 
     strength, reach_out, seen = _facets_seen(slabs.facets, normal, half, to_light, to_viewer, (cos_out, cos_in))
+    strength, size = flakes.shifted(slabs.flake, (strength, cos_out + reach_out), slabs.facets, normal, half, to_viewer)
     strength = ops.where(lit, strength, zero)
     shine = ops.scale(_base_reflectance(slabs, along), math.pi * cos_in * strength * seen * least)
-    glossy = chance.highlight * strength * 0.5 / (cos_out + reach_out)
+    glossy = chance.highlight * strength * 0.5 / size
     if ops.any_lane(slabs.metal > 0.0):
         wide = energy_compensation.spread_alpha(slabs.facets.alpha)
         spread = ops.where(lit, microfacet.ggx_distribution(half, normal, wide), zero)
@@ -337,7 +361,19 @@ def _other_side(
     cosine = ops.maximum(-ops.dot(normal, to_light), 0.0)
     gets = ops.where(passage.inside, (1.0 - into.base) / _opening(slabs), 1.0 - out.base)
     body = slab_film.past(out.passes, ops.mul(ops.scale(passage.diffuse_tint, passage.diffuse * gets * cosine), below), out.passes)
-    return shine, ops.add(matt, body), glossy + chance.through * density, chance.body * cosine * (1.0 / math.pi) + zero
+    lit = cosine <= 0.0
+    mean, mean_other, sides = slab_passage.mean_lost_shares(passage, slabs.table)
+    cos_out, cos_in = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0), ops.clip(ops.absolute(ops.dot(normal, to_light)), LEAST, 1.0)
+    lost = _lost_share(passage, slabs, cos_out, ops.bool_like(cos_out, False)) * _lost_share(passage, slabs, cos_in, ops.not_(lit))
+    side = ops.where(lit, 1.0 - sides, sides)
+    again = passage.share * cos_in * lost * side / ops.maximum(ops.where(lit, mean, mean_other), LEAST)
+    least = under * (1.0 - slabs.metal) * (1.0 - ops.maximum(out.coat, into.coat))
+    above = ops.scale(ops.mul(slabs.dark, _absorbed(slabs, out.path + into.path)), least)
+    shine = ops.add(shine, ops.scale(ops.where3(lit, above, ops.mul(below, passage.tint)), again))
+    tint = ops.where(lit, zero + 1.0, ops.mean3(passage.tint))
+    spread = chance.spread * side * tint / ops.maximum(1.0 - sides + sides * ops.mean3(passage.tint), LEAST)
+    glossy = glossy + chance.through * density + spread * cos_in * (1.0 / math.pi)
+    return shine, ops.add(matt, body), glossy, chance.body * cosine * (1.0 / math.pi) + zero
 
 
 _passed = specialize_if_present(_other_side)  # see there
@@ -368,16 +404,28 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
         ops.where(round_, wide, ops.where(on_coat, coat.second, base.second)), wide,
     )  # fmt: skip
     half = anisotropic_facets.sample_visible_normal(chosen, normal, to_viewer, u, v)
+    half = flakes.tilted(slabs.flake, half, base, normal, to_viewer, u, v, on_coat | further)
     direction = _through(slabs.passage, ops.reflect(ops.negate(to_viewer), half), passing, normal, half, to_viewer)
     sinks = (past >= chance.fuzz + chance.matt) & (chance.body > 0.0)
     s, t = ops.basis(normal)
     flat, turn, height = ops.sqrt(ops.clip(u, 0.0, 1.0)), (2.0 * math.pi) * v, ops.sqrt(ops.maximum(1.0 - u, 0.0))
-    matt = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), ops.where(sinks, -height, height))
+    spread = passing & (past < 0.0) & (past >= -chance.spread)
+    leaves = spread & _goes_through(slabs.passage, sinks, slabs.table, past, chance.spread)
+    matt = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), ops.where(sinks | leaves, -height, height))
     if ops.any_lane(slabs.fuzz > 0.0):
         matt = ops.where3(past < chance.fuzz, fuzz.sample(slabs.fuzz_roughness, normal, to_viewer, u, v), matt)
-    direction = ops.where3(past >= 0.0, matt, direction)
-    meant = sinks | (passing & (past < 0.0))
+    direction = ops.where3((past >= 0.0) | spread, matt, direction)
+    meant = sinks | (passing & (past < 0.0) & ops.not_(spread)) | leaves
     return direction, (ops.dot(direction, normal) < 0.0) == meant
+
+
+@helper
+def _is_through(passage: Passage, plain: Lane, table: energy_compensation.Albedo, past: Lane, chance: Lane) -> Lane:
+    tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, table)[2]
+    return past + chance < chance * sides * tint / ops.maximum(1.0 - sides + sides * tint, LEAST)
+
+
+_goes_through = specialize_if_present(_is_through)  # passage, a mask, table, number below 0, chance: whether to the other side
 
 
 @helper

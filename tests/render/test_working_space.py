@@ -110,7 +110,8 @@ def test_each_slot_is_a_colour_or_a_number() -> None:
         ir.Slot.BASE_WEIGHT, ir.Slot.DIFFUSE_ROUGHNESS, ir.Slot.SPECULAR_WEIGHT, ir.Slot.ANISOTROPY, ir.Slot.ROTATION, ir.Slot.COAT_IOR,
         ir.Slot.COAT_ANISOTROPY, ir.Slot.COAT_ROTATION, ir.Slot.COAT_DARKENING, ir.Slot.FUZZ, ir.Slot.FUZZ_ROUGHNESS, ir.Slot.FILM,
         ir.Slot.FILM_THICKNESS, ir.Slot.FILM_IOR, ir.Slot.TRANSMISSION_WEIGHT, ir.Slot.SUBSURFACE_WEIGHT, ir.Slot.THIN_WALLED,
-        ir.Slot.DISPERSION, ir.Slot.SUBSURFACE_ANISOTROPY,
+        ir.Slot.DISPERSION, ir.Slot.SUBSURFACE_ANISOTROPY, ir.Slot.FLAKE_SIZE, ir.Slot.FLAKE_TILT, ir.Slot.FLAKE_COVERAGE,
+        ir.Slot.FLAKE_SEED,
     }  # fmt: skip
     coefficients = {ir.Slot.ABSORPTION}
     assert set(ir.Slot) == ir.COLOR_SLOTS | numbers | coefficients

@@ -37,7 +37,7 @@ def test_a_depth_makes_a_medium(compiled) -> None:
 
 
 def test_clear_slabs_are_glass(compiled) -> None:
-    """Slabs that are glass and nothing else keep the light of further bounces, and may have dispersion."""
+    """Slabs that are glass and nothing else may have dispersion."""
     text = "transmission_weight: 1, specular_roughness: 0.4, specular_ior: 1.6, transmission_color: #80c0ff"
     slabs = "openpbr({}, transmission_dispersion_scale: 0.5, transmission_dispersion_abbe_number: 40)"
     own, glass = (

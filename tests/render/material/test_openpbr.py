@@ -220,12 +220,13 @@ PASSAGES = {
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("name", PASSAGES)
 def test_what_light_passes_gains_none(name, inside):
-    """Polished, it loses at most 2 %, but inside of half glass; rough refraction has no light of further bounces."""
-    for roughness, least in ((0.0, 0.98), (0.2, 0.92), (0.5, 0.25), (1.0, 0.03)):
+    """It loses at most 2 % from outside, and 9 % where light meets a rough boundary from inside, but for half glass."""
+    for roughness, least in ((0.0, 0.98), (0.2, 0.98), (0.5, 0.97), (1.0, 0.98)):
+        least = 0.91 if inside and roughness > 0.0 else least - 0.02 * ("coat" in name)
         for angle in (0.3, 1.3):
             share, error = energy(given(**PASSAGES[name], specular_roughness=roughness), angle, 50, 0.3, inside)
             assert share <= 1.005 + 3 * error, (roughness, angle, share, error)
-            assert share >= (least if "half" not in name else 0.4 * least) - 3 * error, (roughness, angle, share, error)
+            assert share >= (least if "half" not in name or not inside else 0.4 * least) - 3 * error, (roughness, angle, share, error)
 
 
 @pytest.mark.long

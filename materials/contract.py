@@ -44,6 +44,10 @@ class Arguments(Protocol):
         """A number, or a texture of numbers."""
         ...
 
+    def normals(self, element: Any) -> Input:
+        """A normal map, of an argument that is a texture."""
+        ...
+
     def error(self, message: str, hint: str = "") -> None: ...
 
     def medium(self, medium: MediumData) -> int:

@@ -38,6 +38,7 @@ DISPERSION = "the dispersion of glass is not carried: it has the index of yellow
 CLEAR_GLASS = "glass of index 1 is not carried"
 AT_VERTICES = "light at vertices (gouraud) is not carried: it is computed at every point"
 NORMAL_STRENGTH = "the strength of a normal map is not carried"
+COAT_NORMAL = "the coat's own normal is not carried: it has that of the base"
 BUMP_MAP = "a bump map is not carried"
 FLAKES = "single flakes are not carried: the roughness is that of all flakes together"
 BLEND = "a blend is not carried: the material that counts more is"

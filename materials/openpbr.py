@@ -97,6 +97,8 @@ def _lower(arguments: Arguments) -> MaterialData:
     inputs |= {slot: arguments.color(name) for name, (slot, *_) in COLORS.items()}
     inputs[Slot.EMISSION] = Input(scale_color(color.value, arguments.args["emission_luminance"]), color.texture)
     inputs[Slot.THIN_WALLED] = Input.number(float(arguments.args["geometry_thin_walled"]))
+    if (normal := _coat_normal(arguments)) is not None:
+        inputs[Slot.COAT_NORMAL] = normal
     if arguments.args["geometry_thin_walled"]:
         _thin_walled(arguments)
         inputs[Slot.SUBSURFACE_ANISOTROPY] = Input.number(arguments.args["subsurface_scatter_anisotropy"])
@@ -116,6 +118,15 @@ def _with_dispersion(arguments: Arguments, row: MaterialData) -> MaterialData:
     return replace(row, inputs={**row.inputs, Slot.DISPERSION: Input.number(min(KHRONOS * scale / abbe, MOST_DISPERSION))})
 
 
+def _coat_normal(arguments: Arguments) -> Input | None:
+    """The normal of a coat that has its own, else None."""
+    picture, smooth = arguments.args["geometry_coat_normal"], arguments.args["geometry_coat_smooth"]
+    if picture is not None and smooth:
+        arguments.error("openpbr: `geometry_coat_normal` and `geometry_coat_smooth` are given at once", "leave out one of them")
+    return arguments.normals(picture) if picture is not None else (SMOOTH_COAT if smooth else None)
+
+
+SMOOTH_COAT = Input((0.0, 0.0, 1.0))  # of COAT_NORMAL, without a texture
 INSIDE = (("transmission_depth", 0.0), ("transmission_scatter", (0.0, 0.0, 0.0)), ("transmission_scatter_anisotropy", 0.0))
 
 
@@ -211,6 +222,14 @@ ELEMENTS = (
                 Arg("subsurface_radius_scale", "color", (1.0, 0.5, 0.25), "factors of the radius in red, green and blue", keyword=True),
                 _phase("subsurface_scatter_anisotropy", "of light that a body scatters; of a thin wall, its share that passes"),
                 Arg("geometry_thin_walled", "bool", False, "a wall without an inside: light passes straight or diffusely", keyword=True),
+                Arg(
+                    "geometry_coat_normal", "texture", None, "a normal map of the coat alone, which `normal_map` then leaves as it is",
+                    keyword=True,
+                ),
+                Arg(
+                    "geometry_coat_smooth", "bool", False, "the coat lies smoothly over a base with a `normal_map`, as varnish does",
+                    keyword=True,
+                ),
                 Arg("emission_luminance", "luminance", 0.0, "nit where `emission_color` is 1", minimum=0.0, keyword=True),
                 Arg("emission_color", "color_map", (1.0, 1.0, 1.0), "colour of the light that it emits", keyword=True),
                 *SURFACE,
@@ -223,7 +242,7 @@ ELEMENTS = (
 LOBES, COLOR, REFLECTANCE, HALF_VECTOR = Lobes.SLABS, Slot.DIFFUSE, None, False
 SLOTS = (
     *(slot for slot, *_ in NUMBERS.values()), *(slot for slot, *_ in COLORS.values()), Slot.EMISSION, Slot.THIN_WALLED,
-    Slot.SUBSURFACE_ANISOTROPY, Slot.FLAKE_SIZE, Slot.FLAKE_TILT, Slot.FLAKE_COVERAGE, Slot.FLAKE_SEED,
+    Slot.SUBSURFACE_ANISOTROPY, Slot.FLAKE_SIZE, Slot.FLAKE_TILT, Slot.FLAKE_COVERAGE, Slot.FLAKE_SEED, Slot.COAT_NORMAL,
 )  # fmt: skip
 LOBE = facets = None
 
@@ -253,6 +272,8 @@ def _report(row: Any, *carried: ir.Slot) -> None:
     plain = {slot: (value, value, value) for slot, value, _ in COLORS.values()}
     plain |= {slot: (default, 0.0, 0.0) for slot, default, *_ in NUMBERS.values()}
     parts = {Slot.COAT: COAT, Slot.FUZZ: FUZZ, Slot.FILM: FILM}
+    if row.value(Slot.COAT_NORMAL)[2] > 0.0 and Slot.COAT_NORMAL not in carried and _number(row, Slot.COAT) > 0.0:
+        row.cannot(losses.COAT_NORMAL)
     parts |= {Slot.TRANSMISSION_WEIGHT: (Slot.TRANSMISSION_COLOR,), Slot.SUBSURFACE_WEIGHT: (Slot.SUBSURFACE_COLOR,)}
     for name, slot in {name: slot for name, (slot, *_) in {**NUMBERS, **COLORS}.items()}.items():
         owner = next((weight for weight, slots in parts.items() if slot in slots), None)
@@ -282,6 +303,7 @@ def surface(row: SurfaceRow) -> Exported:
         row.surface(
             _color(row), row.input(Slot.METALLIC), _roughness(row), row.ior, emissive=row.input(Slot.EMISSION),
             coat=row.input(Slot.COAT), coat_roughness=row.input(Slot.COAT_ROUGHNESS),
+            coat_normal=row.input(Slot.COAT_NORMAL) if row.value(Slot.COAT_NORMAL)[2] > 0.0 else None,
             sheen=Input(scale_color(fuzz.value, weight), fuzz.texture), sheen_roughness=row.input(Slot.FUZZ_ROUGHNESS),
         )
     )  # fmt: skip

@@ -27,7 +27,7 @@ _WRAPS = {33071: ir.Wrap.CLAMP, 33648: ir.Wrap.MIRROR, 10497: ir.Wrap.REPEAT}
 _DATA = -2  # all channels of an image, as data
 _LEAST_CUTOFF = 1e-9  # least alphaCutoff: a mask with cutoff 0 is opaque everywhere
 _COLORS = ("baseColorTexture", "diffuseTexture")
-_NOT_READ = ("thicknessTexture", "clearcoatNormalTexture")  # a shape has its own thickness; the table names the second
+_NOT_READ = ("thicknessTexture",)  # a shape has its own thickness
 _EVEN = 0.1  # difference of a colour's components that is not a tint
 _SCATTER = "KHR_materials_volume_scatter"
 _MOST_ANISOTROPY = 0.99
@@ -91,7 +91,8 @@ class Materials:
         return self.container.document["materials"][index].get("alphaMode", "OPAQUE") in ("BLEND", "MASK")
 
     def has_normal_map(self, index: int) -> bool:
-        return "normalTexture" in self.container.document["materials"][index]
+        written = self.container.document["materials"][index]
+        return "normalTexture" in written or "clearcoatNormalTexture" in written.get("extensions", {}).get("KHR_materials_clearcoat", {})
 
     def is_double_sided(self, index: int) -> bool:
         """Whether a surface is seen from behind: it says so, or it is the boundary of a volume, of which both sides count."""
@@ -171,6 +172,8 @@ class Materials:
             return slabs.Slabs(self.builder, self._picture, self.warn, self.name).material(surface, written)
         if slabs.are_used(extensions):
             self.warn("the anisotropy and iridescence of a surface with KHR_materials_pbrSpecularGlossiness are not drawn")
+        if slabs.has_own_coat(written):
+            self.warn("the coat of a surface with KHR_materials_pbrSpecularGlossiness has the normals of its base")
         return metallic_roughness.material(surface)
 
     @staticmethod
@@ -308,7 +311,8 @@ class Materials:
                 float(sheen.get("sheenRoughnessFactor", 0.0)), self._texture(sheen.get("sheenRoughnessTexture"), 3)
             ),
             occlusion=self._occlusion(written.get("occlusionTexture")),
-            normal=self._normal(written.get("normalTexture")), opacity=opacity,
+            normal=self._normal(written.get("normalTexture")),
+            coat_normal=self._normal(coat.get("clearcoatNormalTexture")), opacity=opacity,
             threshold=threshold, name=written.get("name", ""),
         )  # fmt: skip
 

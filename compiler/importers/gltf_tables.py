@@ -14,7 +14,7 @@ EXTENSIONS = Table(
     "Extensions",
     drawn={
         "KHR_lights_punctual": "point, spot and directional lights",
-        "KHR_materials_clearcoat": "weight and roughness",
+        "KHR_materials_clearcoat": "weight, roughness and a normal of its own",
         "KHR_materials_sheen": "over the highlight and the base, under a coat",
         "KHR_materials_emissive_strength KHR_materials_ior": "",
         "KHR_materials_transmission": (
@@ -98,6 +98,7 @@ PROPERTIES = Table(
         "KHR_materials_sheen.sheenColorFactor KHR_materials_sheen.sheenRoughnessFactor": "",
         "KHR_materials_sheen.sheenColorTexture KHR_materials_sheen.sheenRoughnessTexture": "",
         "KHR_materials_clearcoat.clearcoatTexture KHR_materials_clearcoat.clearcoatRoughnessTexture": "",
+        "KHR_materials_clearcoat.clearcoatNormalTexture": "without it a coat is smooth over a base with a normal map",
         "KHR_materials_emissive_strength.emissiveStrength KHR_materials_ior.ior KHR_materials_transmission.*": "",
         "ADOBE_materials_thin_transparency.transmissionFactor ADOBE_materials_thin_transparency.transmissionTexture": "",
         "KHR_materials_specular.specularFactor KHR_materials_specular.specularColorFactor": "",

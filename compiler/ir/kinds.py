@@ -118,6 +118,7 @@ class Slot(Kind):
     FLAKE_TILT = 47  # number: as a roughness
     FLAKE_COVERAGE = 48  # number: share of the cells that have a flake
     FLAKE_SEED = 49  # number; no texture
+    COAT_NORMAL = 50  # as NORMAL, of the coat alone; without a texture (0, 0, 1): the coat is smooth, 0: its normal is that of the base
 
 
 SLOTS = len(Slot)

@@ -106,6 +106,11 @@ class Materials:
             self._lowering.error(element, str(unfit), unfit.hint)
             return row
 
+    def normals(self, element: Element) -> Input:
+        """A normal map of strength 1."""
+        row = self.texture(element, color=True, directions=True)
+        return Input(WHITE, row) if row >= 0 else Input(BLACK)
+
     def _opacity(self, value: Any) -> Input:
         if isinstance(value, Element) and value.kind == "image":
             return Input.number(1.0, self.texture(value, color=False, alpha=True))
@@ -216,6 +221,9 @@ class _Arguments:
 
     def number(self, name: str) -> Input:
         return self._materials.number(self.args[name])
+
+    def normals(self, element: Any) -> Input:
+        return self._materials.normals(element)
 
     def error(self, message: str, hint: str = "") -> None:
         self._materials.error(self._element, message, hint)

@@ -101,7 +101,7 @@ def _needs_float64(scene: ir.Scene, plan: Plan) -> str:
         return "some surface is partly transparent"
     if (scene.tables.textures.kind == ir.TextureKind.FORMULA).any():
         return "patterns are formulas, which are evaluated in float64"
-    if (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP]] >= 0).any():
+    if (materials.textures[used][:, [ir.Slot.NORMAL, ir.Slot.BUMP, ir.Slot.COAT_NORMAL]] >= 0).any():
         return "some material has a normal or bump map"
     if (traits.facets(scene.tables) | traits.slabs(scene.tables))[used].any():
         return "some material has a microfacet BSDF"

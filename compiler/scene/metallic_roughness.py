@@ -31,6 +31,7 @@ class Surface:
     coat_roughness: Input = FINE
     sheen: Input = DARK
     sheen_roughness: Input = NOTHING
+    coat_normal: Input | None = None  # COAT_NORMAL, of slabs
     occlusion: Input = ALL
     normal: Input | None = None  # normal map, its factor the strength
     bump: Input | None = None  # height map, its factor in metres

@@ -145,7 +145,9 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
     materials: Any = tables.materials
     zero = ops.full_like(surface.offset, 0.0)
     has_slabs = ops.bool_like(zero, False) | (materials.model[surface.material] == OPENPBR)
-    tangent, across = tangent_frame.frame(surface.tangent, surface.normal)
+    turned = tangent_frame.tangent_of(surface.tangent)
+    coat_normal = tangent_frame.coat_of(surface.tangent)
+    tangent, across = tangent_frame.frame(turned, surface.normal)
     weight = ops.maximum(number_of(tables, surface, BASE_WEIGHT), 0.0)
     color = ops.scale(ops.mul(color_of(tables, surface, DIFFUSE), surface.color), weight)
     color = ops.clip(color[0], 0.0, 1.0), ops.clip(color[1], 0.0, 1.0), ops.clip(color[2], 0.0, 1.0)
@@ -161,7 +163,8 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         coat_ratio, coat_rough = ops.maximum(number_of(tables, surface, COAT_IOR), 1.0), _share(tables, surface, COAT_ROUGHNESS)
         coat_step = step_of(coat_ratio, zero + 1.0)
         coat_turns = number_of(tables, surface, COAT_ROTATION)
-        coat_facets = anisotropic_facets.facets(tangent, across, coat_turns, coat_rough, _share(tables, surface, COAT_ANISOTROPY))
+        coat_along, coat_across = _coat_frame(coat_normal, (tangent, across), turned)
+        coat_facets = anisotropic_facets.facets(coat_along, coat_across, coat_turns, coat_rough, _share(tables, surface, COAT_ANISOTROPY))
         r, g, b = _color(tables, surface, COAT_COLOR)
         log = 0.5 * ops.log(ops.maximum(r, 1e-4)), 0.5 * ops.log(ops.maximum(g, 1e-4)), 0.5 * ops.log(ops.maximum(b, 1e-4))
         dark = _darkening(materials.slabs.reflection, color, metal, rough, (coat_ratio, coat_step, coat_facets.alpha))
@@ -179,8 +182,17 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         facets, coat, coat_step, coat_ratio, log, coat_facets, dark, fibres, _color(tables, surface, FUZZ_COLOR),
         _share(tables, surface, FUZZ_ROUGHNESS), materials.slabs.metal, materials.slabs.reflection,
         _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)), None, flake,
+        coat_normal,
     )  # fmt: skip
     return _with_passage(materials.slabs.passages, plain, tables, surface)
+
+
+@helper
+def _frame_of_coat(normal: Vec, plain: tuple[Vec, Vec], tangent: Any) -> tuple[Vec, Vec]:
+    return tangent_frame.frame(tangent, normal)
+
+
+_coat_frame = specialize_if_present(_frame_of_coat)  # the coat's own normal, the base's (along, across), tangent
 
 
 @helper

@@ -65,6 +65,7 @@ class Slabs(NamedTuple):
     film: Any = None  # Film; None in scenes without
     passage: Any = None  # slab_passage.Passage; None in scenes without
     flake: Any = None  # flakes.Flake, whose facets are those of one flake; None in scenes without
+    coat_normal: Any = None  # Vec: of the coat, which has its own; None in scenes where all have that of the base
 
 
 class Seen(NamedTuple):
@@ -102,6 +103,22 @@ class Values(NamedTuple):
 
 
 @helper
+def _own(coat_normal: Vec, normal: Vec) -> Vec:
+    return coat_normal
+
+
+_outer = specialize_if_present(_own)  # the coat's own normal, that of the base: the normal of the coat
+
+
+@helper
+def _own_of_lanes(coat_normal: Vec, normal: Vec, on_coat: Lane) -> Vec:
+    return ops.where3(on_coat, coat_normal, normal)
+
+
+_normal_of = specialize_if_present(_own_of_lanes)  # the coat's own normal, that of the base, lanes of the coat
+
+
+@helper
 def seen_from(slabs: Slabs, normal: Vec, direction: Vec, far: Lane) -> Seen:
     """What the slabs do with light of a direction above the surface. `far`: it is the mirror image of one on the other side."""
     cosine = ops.clip(ops.dot(normal, direction), LEAST, 1.0)
@@ -110,9 +127,10 @@ def seen_from(slabs: Slabs, normal: Vec, direction: Vec, far: Lane) -> Seen:
     base = _within(slabs.passage, base, cosine, far)
     coat, path, lost, again, bright = zero, zero + 1.0, zero, zero, (zero, zero, zero)
     if ops.any_lane(slabs.coat > 0.0):
-        over = anisotropic_facets.alpha_seen(slabs.coat_facets, normal, direction)
-        coat = slabs.coat * dielectric_albedo.directional(slabs.reflection, cosine, over, slabs.coat_step)
-        sine = ops.maximum(1.0 - cosine * cosine, 0.0)
+        outer = _outer(slabs.coat_normal, normal)
+        over, steep = anisotropic_facets.alpha_seen(slabs.coat_facets, outer, direction), ops.clip(ops.dot(outer, direction), LEAST, 1.0)
+        coat = slabs.coat * dielectric_albedo.directional(slabs.reflection, steep, over, slabs.coat_step)
+        sine = ops.maximum(1.0 - steep * steep, 0.0)
         path = 1.0 / ops.sqrt(ops.maximum(1.0 - sine / (slabs.coat_ratio * slabs.coat_ratio), 0.01))
     if ops.any_lane(slabs.metal > 0.0):
         e, b = energy_compensation.directional_albedo(slabs.table, cosine, alpha)
@@ -320,11 +338,14 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
         glossy = glossy + chance.again * spread * 0.5 / (cos_out + ops.sqrt(wide * wide + (1.0 - wide * wide) * cos_out * cos_out))
     shine = ops.mul(shine, below)
     if ops.any_lane(slabs.coat > 0.0):
-        strength, reach_out, seen = _facets_seen(slabs.coat_facets, normal, half, to_light, to_viewer, (cos_out, cos_in))
-        strength = ops.where(lit, strength, zero)
-        coat = slabs.coat * under * math.pi * cos_in * strength * seen * dielectric_albedo.reflectance(along, slabs.coat_step)
+        outer = _outer(slabs.coat_normal, normal)
+        above, steep = ops.dot(outer, to_light), ops.clip(ops.dot(outer, to_viewer), LEAST, 1.0)
+        into_coat = ops.clip(above, LEAST, 1.0)
+        strength, reach_out, seen = _facets_seen(slabs.coat_facets, outer, half, to_light, to_viewer, (steep, into_coat))
+        strength = ops.where(above > 0.0, strength, zero)
+        coat = slabs.coat * under * math.pi * into_coat * strength * seen * dielectric_albedo.reflectance(along, slabs.coat_step)
         shine = ops.add(shine, (coat, coat, coat))
-        glossy = glossy + chance.coat * strength * 0.5 / (cos_out + reach_out)
+        glossy = glossy + chance.coat * strength * 0.5 / (steep + reach_out)
 
     passed = (1.0 - slabs.metal) * (1.0 - out.base) * (1.0 - into.base) * (1.0 - out.coat) * (1.0 - into.coat) / _opening(slabs)
     matt = oren_nayar.value(slabs.color, slabs.diffuse_roughness, cos_in, cos_out, ops.dot(to_light, to_viewer))
@@ -403,7 +424,8 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
         ops.where(round_, wide, ops.where(on_coat, coat.first, base.first)),
         ops.where(round_, wide, ops.where(on_coat, coat.second, base.second)), wide,
     )  # fmt: skip
-    half = anisotropic_facets.sample_visible_normal(chosen, normal, to_viewer, u, v)
+    outer = _normal_of(slabs.coat_normal, normal, on_coat)
+    half = anisotropic_facets.sample_visible_normal(chosen, outer, to_viewer, u, v)
     half = flakes.tilted(slabs.flake, half, base, normal, to_viewer, u, v, on_coat | further)
     direction = _through(slabs.passage, ops.reflect(ops.negate(to_viewer), half), passing, normal, half, to_viewer)
     sinks = (past >= chance.fuzz + chance.matt) & (chance.body > 0.0)
@@ -416,7 +438,7 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
         matt = ops.where3(past < chance.fuzz, fuzz.sample(slabs.fuzz_roughness, normal, to_viewer, u, v), matt)
     direction = ops.where3((past >= 0.0) | spread, matt, direction)
     meant = sinks | (passing & (past < 0.0) & ops.not_(spread)) | leaves
-    return direction, (ops.dot(direction, normal) < 0.0) == meant
+    return direction, (ops.dot(direction, outer) < 0.0) == meant
 
 
 @helper

@@ -30,17 +30,35 @@ from ..types import Hit, Lane, Surface, Tables, Vec
 from . import interaction
 from .material_inputs import color_of
 
-NORMAL, BUMP = int(ir.Slot.NORMAL), int(ir.Slot.BUMP)
+NORMAL, BUMP, COAT_NORMAL = int(ir.Slot.NORMAL), int(ir.Slot.BUMP), int(ir.Slot.COAT_NORMAL)
 MESH = int(ir.GeometryKind.MESH)
 FLAT = int(ir.Shading.FLAT)
 UV = int(ir.TextureMapping.UV)
 STEP = 2.0**-10  # step of differences of u, v and procedural heights, relative to the instance's size
 CLEAR = 0.01  # smallest sine of the angle between the mirrored direction and the surface
 _turned_to, _put_to = make_replace(Surface, "normal"), make_replace(Surface, "local", "uv")
+_framed = make_replace(Surface, "tangent")
 
 
 class NoMaps(NamedTuple):
     """The absence of normal and bump maps."""
+
+
+class NoCoatNormals(NamedTuple):
+    """Coats have the normals of their bases."""
+
+
+class CoatNormals(NamedTuple):
+    """Some coat has a normal of its own."""
+
+    count: int
+
+
+class CoatFrame(NamedTuple):
+    """What a Surface has in place of its tangent where some coat has a normal of its own."""
+
+    tangent: Any  # Vec, or None
+    coat: Vec
 
 
 class Tangents(NamedTuple):
@@ -49,17 +67,18 @@ class Tangents(NamedTuple):
     first: NDArray[np.int64]  # (geometries,) row of a mesh's first corner; -1: none
     values: NDArray[np.float32]  # (3 · triangles, 4) unit vectors in the mesh's frame, and the handedness of v, 1 or -1
     maps: int = 1  # 0: no material has a map
+    coats: Any = NoCoatNormals()  # or CoatNormals
 
 
 def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMaps:
     """The tangents of a scene for kernels; without normal and bump maps NoMaps, with `general` an empty record."""
-    maps = tables.materials.textures[:, [NORMAL, BUMP]]
+    maps = tables.materials.textures[:, [NORMAL, BUMP, COAT_NORMAL]]
     if not (maps[traits.used(tables)] >= 0).any():
         return Tangents(np.full(len(tables.geometries.kind), -1, np.int64), np.zeros((0, 4), np.float32), 0) if general else NoMaps()
     used = tables.instances.material
     blended = traits.has(tables, Lobes.PARTS)
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
-    turned = np.unique(tables.instances.geometry[(maps[used, 0] >= 0) | blended[used]])
+    turned = np.unique(tables.instances.geometry[(maps[used, 0] >= 0) | (maps[used, 2] >= 0) | blended[used]])
     first, parts, count = np.full(len(kinds), -1, np.int64), [np.zeros((0, 4), np.float32)], 0
     for g in turned[(kinds[turned] == MESH) & (uvs[turned] >= 0)].tolist():
         flat = (tables.materials.shading[used[tables.instances.geometry == g]] == FLAT).all()
@@ -67,7 +86,8 @@ def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMap
         first[g] = count
         parts.append(tangents)
         count += len(tangents)
-    return Tangents(first, np.concatenate(parts))
+    own = (tables.materials.values[:, COAT_NORMAL, 2] > 0.0) & traits.used(tables)
+    return Tangents(first, np.concatenate(parts), 1, CoatNormals(1) if own.any() else NoCoatNormals())
 
 
 def mesh_tangents(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
@@ -135,13 +155,25 @@ def is_used(tables: Any) -> bool:
     return field is not None and field[1] != ()
 
 
+def has_coats(tables: Any) -> bool:
+    """Whether in tables of this Numba type some coat has a normal of its own."""
+    field = tables.field("materials.tangents.coats") if is_used(tables) else None
+    return field is not None and field[1] != ()
+
+
 def apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
     """The surface with its normal perturbed by the material's maps, for a ray of `direction`."""
-    return _apply_if_any(tables, point, hit, direction) if isinstance(getattr(tables.materials, "tangents", None), Tangents) else point
+    part = getattr(tables.materials, "tangents", None)
+    if not isinstance(part, Tangents):
+        return point
+    apply = _apply_with_coats if isinstance(part.coats, CoatNormals) else _apply_if_any
+    return apply(tables, point, hit, direction)
 
 
 @overload(apply_maps)
 def _apply_maps_in_kernels(tables, point, hit, direction):
+    if has_coats(tables):
+        return lambda tables, point, hit, direction: _apply_with_coats(tables, point, hit, direction)
     if is_used(tables):
         return lambda tables, point, hit, direction: _apply_if_any(tables, point, hit, direction)
     return lambda tables, point, hit, direction: point
@@ -162,7 +194,8 @@ def _has_map_in_kernels(tables, point):
 @helper
 def _has_map(tables: Any, point: Surface) -> Lane:
     textures_ = tables.materials.textures
-    return (textures_[point.material, NORMAL] >= 0) | (textures_[point.material, BUMP] >= 0)
+    mapped = (textures_[point.material, NORMAL] >= 0) | (textures_[point.material, BUMP] >= 0)
+    return mapped | (textures_[point.material, COAT_NORMAL] >= 0)
 
 
 def mask_behind(tables: Tables, point: Surface, direction: Vec, lit: Lane) -> Lane:
@@ -189,6 +222,40 @@ def _apply_if_any(tables: Any, point: Surface, hit: Hit, direction: Vec) -> Surf
     return _apply_maps(tables, point, hit, direction)
 
 
+@helper
+def _apply_with_coats(tables: Any, point: Surface, hit: Hit, direction: Vec) -> Surface:
+    mapped = _apply_maps(tables, point, hit, direction)
+    return _framed(mapped, CoatFrame(None, _coat_normal(tables, point, mapped.normal, hit, direction)))
+
+
+@noinline_helper
+def _coat_normal(tables: Tables, point: Surface, base: Vec, hit: Hit, direction: Vec) -> Vec:
+    """The normal of the coat at a surface without maps: its own, or that of the base."""
+    own = tables.materials.values[point.material, COAT_NORMAL, 2] > 0.0
+    turned = tables.materials.textures[point.material, COAT_NORMAL] >= 0
+    zero = ops.full_like(point.offset, 0.0)
+    side = ops.where(point.front, zero + 1.0, zero - 1.0)
+    normal = point.normal
+    if ops.any_lane(turned):
+        place = instance_transform.transform_at(tables, ops.to_int(tables.instances.transform[point.instance]), point.time)
+        outward = ops.scale(point.normal, side)
+        turned_to = _mapped(tables, point, hit, COAT_NORMAL, place, outward)
+        normal = ops.where3(turned, ops.scale(turned_to, side), normal)
+    return ops.where3(own, bend_to_viewer(normal, point.geometric, ops.negate(direction)), base)
+
+
+@helper
+def _mapped(tables: Tables, point: Surface, hit: Hit, slot: int, place: instance_transform.Frame, outward: Vec) -> Vec:
+    """The outward normal by the normal map of a slot."""
+    s, t = ops.basis(point.local_normal)
+    step = STEP * size_of(tables, point)
+    over_s, over_t = shift_point(tables, point, hit, s, step), shift_point(tables, point, hit, t, step)
+    x, y, z = color_of(tables, point, slot)
+    along, round_ = _frame(tables, point, hit, slot, s, t, (over_s, over_t), place, outward)
+    across = ops.scale(ops.cross(outward, along), round_)
+    return ops.normalize(ops.in_basis(along, across, outward, x, y, z))
+
+
 @noinline_helper
 def _apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
     turned = tables.materials.textures[point.material, NORMAL] >= 0
@@ -200,14 +267,9 @@ def _apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Sur
     place = instance_transform.transform_at(tables, ops.to_int(tables.instances.transform[point.instance]), point.time)
     outward = ops.scale(point.normal, side)
     s, t = ops.basis(point.local_normal)
-    step = STEP * size_of(tables, point)
-    over_s, over_t = shift_point(tables, point, hit, s, step), shift_point(tables, point, hit, t, step)
     normal = outward
     if ops.any_lane(turned):
-        x, y, z = color_of(tables, point, NORMAL)
-        along, round_ = _frame(tables, point, hit, s, t, over_s, over_t, place, outward)
-        across = ops.scale(ops.cross(outward, along), round_)
-        normal = ops.where3(turned, ops.normalize(ops.in_basis(along, across, outward, x, y, z)), normal)
+        normal = ops.where3(turned, _mapped(tables, point, hit, NORMAL, place, outward), normal)
     if ops.any_lane(bumped):
         normal = ops.where3(bumped, _apply_bump(tables, point, hit, s, t, place, normal), normal)
     normal = bend_to_viewer(ops.scale(normal, side), point.geometric, ops.negate(direction))
@@ -290,17 +352,17 @@ def _frame(
     tables: Tables,
     point: Surface,
     hit: Hit,
+    slot: int,
     s: Vec,
     t: Vec,
-    over_s: Surface,
-    over_t: Surface,
+    over: tuple[Surface, Surface],
     place: instance_transform.Frame,
     outward: Vec,
 ) -> tuple[Vec, Lane]:
     """(tangent in the world, handedness 1 or -1) for the normal map."""
-    texture = ops.maximum(tables.materials.textures[point.material, NORMAL], 0)
-    us, vs = _difference(tables, texture, point, over_s)
-    ut, vt = _difference(tables, texture, point, over_t)
+    texture = ops.maximum(tables.materials.textures[point.material, slot], 0)
+    us, vs = _difference(tables, texture, point, over[0])
+    ut, vt = _difference(tables, texture, point, over[1])
     det = us * vt - ut * vs
     round_ = ops.sign_of(det)
     local = ops.normalize(ops.scale(ops.sub(ops.scale(s, vt), ops.scale(t, vs)), round_))

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import helper, make_replace, noinline_helper
+from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import affine, ops
 from ..simd.registration import overload
 from ..types import Hit, Lane, Surface, Tables, Vec
 from . import normal_map
+from .normal_map import CoatFrame
 
 MESH = int(ir.GeometryKind.MESH)
 _put = make_replace(Surface, "tangent")
@@ -53,7 +54,39 @@ def _attach_in_kernels(tables, point, hit):
 
 @helper
 def _attach(tables: Tables, point: Surface, hit: Hit) -> Surface:
-    return _put(point, tangent_at(tables, point, hit))
+    return _put(point, _with_coat(coat_of(point.tangent), tangent_at(tables, point, hit)))
+
+
+@helper
+def _beside(coat: Vec, tangent: Vec) -> CoatFrame:
+    return CoatFrame(tangent, coat)
+
+
+_with_coat = specialize_if_present(_beside)  # the normal of a coat, a tangent: the tangent, or both
+
+
+def tangent_of(tangent: Any) -> Any:
+    """The tangent of a Surface, or None."""
+    return tangent.tangent if isinstance(tangent, CoatFrame) else tangent
+
+
+@overload(tangent_of)
+def _tangent_of_in_kernels(tangent):
+    if getattr(tangent, "instance_class", None) is CoatFrame:
+        return lambda tangent: tangent.tangent
+    return lambda tangent: tangent
+
+
+def coat_of(tangent: Any) -> Any:
+    """The normal of the coat, or None where all coats have the normals of their bases."""
+    return tangent.coat if isinstance(tangent, CoatFrame) else None
+
+
+@overload(coat_of)
+def _coat_of_in_kernels(tangent):
+    if getattr(tangent, "instance_class", None) is CoatFrame:
+        return lambda tangent: tangent.coat
+    return lambda tangent: None
 
 
 @helper

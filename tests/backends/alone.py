@@ -98,6 +98,7 @@ SLOTS: dict[IntEnum, str] = {  # each with an image where it takes one
     ir.Slot.COAT_IOR: f"openpbr(0.5, coat_weight: 1, coat_roughness: 0.4, coat_ior: {_IMAGE})",
     ir.Slot.COAT_ANISOTROPY: f"openpbr(0.5, coat_weight: 1, coat_roughness: 0.4, coat_roughness_anisotropy: {_IMAGE})",
     ir.Slot.COAT_ROTATION: f"openpbr(0.5, coat_weight: 1, coat_roughness: 0.4, coat_roughness_anisotropy: 0.8, coat_rotation: {_IMAGE})",
+    ir.Slot.COAT_NORMAL: f"openpbr(0.5, coat_weight: 1, coat_roughness: 0.4, geometry_coat_normal: {_IMAGE})",
     ir.Slot.COAT_DARKENING: f"openpbr(0.5, coat_weight: 1, coat_roughness: 0.4, coat_darkening: {_IMAGE})",
     ir.Slot.FUZZ: f"openpbr(0.5, fuzz_weight: {_IMAGE})",
     ir.Slot.FUZZ_COLOR: f"openpbr(0.5, fuzz_weight: 1, fuzz_color: {_IMAGE})",

@@ -45,7 +45,7 @@ class Looks:
             names.append("coat_ior")
         if self._model == ir.MaterialModel.OPENPBR and self._number(Slot.COAT_DARKENING) == 0.0:
             names.append("coat_darkening")
-        return frozenset((*map(losses.argument, names), *([losses.DISPERSION] if self._dispersive else [])))
+        return frozenset((losses.COAT_NORMAL, *map(losses.argument, names), *([losses.DISPERSION] if self._dispersive else [])))
 
     def roughness(self, rough: float) -> float:
         """The roughness that glTF has across the direction of the anisotropy, of that of the surface."""

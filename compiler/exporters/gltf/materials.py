@@ -148,6 +148,9 @@ class Materials:
             for name, slot in (("clearcoatTexture", s.coat), ("clearcoatRoughnessTexture", s.coat_roughness)):
                 if slot.texture >= 0:
                     coat[name] = self._picture(slot.texture)
+            normal = s.normal if s.coat_normal is None else s.coat_normal  # in glTF a coat without one is smooth
+            if normal is not None and normal.texture >= 0:
+                coat["clearcoatNormalTexture"] = {**self._picture(normal.texture, levels=True), "scale": normal.value[0]}
             extensions["KHR_materials_clearcoat"] = coat
         if any(s.sheen.value):
             for slot in (s.sheen, s.sheen_roughness):

@@ -1,7 +1,8 @@
 """Converts glTF materials to OpenPBR's slabs, where `principled` and `glass` lack what their extensions add.
 
-That is anisotropy, iridescence, two pictures of KHR_materials_specular, a picture or the roughness of light that passes, and what lies on
-or in solid glass: a coat, sheen, emission, a highlight that is not the index's, a share that light does not pass.
+That is anisotropy, iridescence, a normal of the coat that is not that of the base, two pictures of KHR_materials_specular, a picture or
+the roughness of light that passes, and what lies on or in solid glass: a coat, sheen, emission, a highlight that is not the index's, a
+share that light does not pass.
 
 With the roughness r of glTF, α = r², and the strength s of the anisotropy, α along its direction is α + (1 − α) s², and across it α.
 OpenPBR has one roughness R and an anisotropy a: its α are R² √(2 / (1 + (1 − a)²)), and that times 1 − a. Both pairs are made equal.
@@ -57,11 +58,19 @@ def are_needed(written: dict[str, Any]) -> bool:
     extensions = written.get("extensions", {})
     if are_used(extensions):
         return True
+    if has_own_coat(written):
+        return True
     if share_of(extensions) > 0.0:
         rough = float(written.get("pbrMetallicRoughness", {}).get("roughnessFactor", 1.0))
         return rough > _SMOOTH or "transmissionTexture" in transmission(extensions) or written.get("alphaMode") == "MASK"
     specular = extensions.get("KHR_materials_specular", {})
     return "specularTexture" in specular and "specularColorTexture" in specular and not _is_metal(written)
+
+
+def has_own_coat(written: dict[str, Any]) -> bool:
+    """Whether a coat has another normal than its base. Without a normal map it is smooth over a base that has one."""
+    coat = written.get("extensions", {}).get("KHR_materials_clearcoat", {})
+    return bool(coat.get("clearcoatFactor")) and coat.get("clearcoatNormalTexture") != written.get("normalTexture")
 
 
 def are_needed_in_glass(written: dict[str, Any]) -> bool:
@@ -130,6 +139,8 @@ class Slabs:
             inputs |= {Slot.FUZZ: fuzz[0], Slot.FUZZ_COLOR: fuzz[1], Slot.FUZZ_ROUGHNESS: s.sheen_roughness}
         optional = ((Slot.EMISSION, s.emissive if s.emissive.value != BLACK else None), (Slot.NORMAL, s.normal))
         inputs |= {slot: value for slot, value in optional if value is not None}
+        if has_own_coat(written):
+            inputs[Slot.COAT_NORMAL] = openpbr.SMOOTH_COAT if s.coat_normal is None else s.coat_normal
         if s.occlusion.texture != NONE:
             self._warn("the occlusionTexture of a surface that is drawn as OpenPBR is not drawn: light from all sides reaches it")
         return inputs

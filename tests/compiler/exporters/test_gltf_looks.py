@@ -9,6 +9,8 @@ from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import ir
 
+from ...files import write_image
+
 Slot = ir.Slot
 SCENE = "sphere(1, material: MATERIAL)\ncamera(position: [0, 1, 5])\ndirectional(from: [1, 2, 3])\nrender(size: [24, 18], samples: 4)\n"
 
@@ -58,3 +60,27 @@ def test_the_picture_of_the_way_back(tmp_path):
 def test_pictures_of_the_direction_are_reported(tmp_path):
     _, _, said = converted(tmp_path, "openpbr(#888888, specular_roughness_anisotropy: 0.5, specular_rotation: pattern(|x, y, z| x))")
     assert "`specular_rotation` is not carried" in said
+
+
+@pytest.mark.parametrize(
+    ("more", "values", "has_picture"),
+    [
+        ("normal_map: image(\"n.png\"), geometry_coat_smooth: true", (0.0, 0.0, 1.0), False),
+        ("geometry_coat_normal: image(\"n.png\")", (1.0, 1.0, 1.0), True),
+        ("normal_map: image(\"n.png\"), coat_weight: 1", None, False),
+    ],
+)
+def test_the_normals_of_coats(tmp_path, more, values, has_picture):
+    """A coat of glTF without a normal map is smooth: one with the normals of its base gets its map."""
+    write_image(tmp_path / "n.png", np.full((2, 2, 3), (140, 128, 250), np.uint8))
+    coat = "" if "coat_weight" in more else "coat_weight: 1, "
+    there, back, said = converted(tmp_path, f"openpbr(#802020, {coat}coat_ior: 1.5, coat_darkening: 0, {more})")
+    row = back.tables.instances.material[0]
+    assert "is not carried" not in said
+    if values is None:
+        assert not back.tables.materials.values[row, Slot.COAT_NORMAL].any()
+        assert back.tables.materials.textures[row, Slot.NORMAL] >= 0
+        return
+    assert numbers(back, Slot.COAT_NORMAL) == pytest.approx(values)
+    assert numbers(there, Slot.COAT_NORMAL) == pytest.approx(values)
+    assert (back.tables.materials.textures[row, Slot.COAT_NORMAL] >= 0) == has_picture

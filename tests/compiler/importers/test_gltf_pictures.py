@@ -154,6 +154,29 @@ def test_solid_glass_keeps_what_lies_on_it(tmp_path, more, slot, value):
     assert (messages, scene.tables.materials.values[row, slot, 0]) == ([], pytest.approx(value))
 
 
+@pytest.mark.parametrize(
+    ("base", "coat", "values"),
+    [
+        ({}, PICTURE, (1.0, 1.0, 1.0)),
+        (PICTURE, None, (0.0, 0.0, 1.0)),  # smooth
+        (PICTURE, {**PICTURE, "scale": 0.5}, (0.5, 0.5, 1.0)),
+        (PICTURE, PICTURE, None),  # that of the base
+    ],
+)
+def test_coats_have_normals_of_their_own(tmp_path, base, coat, values):
+    coated = {"clearcoatFactor": 1, **({} if coat is None else {"clearcoatNormalTexture": coat})}
+    material = {"extensions": {"KHR_materials_clearcoat": coated}, **({"normalTexture": base} if base else {})}
+    scene, row, messages = drawn(tmp_path, material)
+    m = scene.tables.materials
+    assert messages == []
+    if values is None:
+        assert m.model[row] == ir.MaterialModel.PRINCIPLED
+        return
+    assert (m.model[row], tuple(m.values[row, Slot.COAT_NORMAL])) == (ir.MaterialModel.OPENPBR, values)
+    assert (m.textures[row, Slot.COAT_NORMAL] >= 0) == (coat is not None)
+    assert (m.textures[row, Slot.NORMAL] >= 0) == bool(base)
+
+
 def test_glass_with_a_normal_map(tmp_path):
     scene, row, messages = drawn(tmp_path, {**written("glass", "", "normalTexture")})
     m = scene.tables.materials

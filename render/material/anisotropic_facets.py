@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..jit.kernel import helper
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 
@@ -85,3 +85,19 @@ def sample_visible_normal(facets_: Facets, normal: Vec, to_viewer: Vec, u: Lane,
     flat = ops.sqrt(ops.maximum(1.0 - height * height, 0.0))
     x, y = facets_.first * (flat * ops.cos(turn) + x), facets_.second * (flat * ops.sin(turn) + y)
     return ops.normalize(ops.in_basis(facets_.along, facets_.across, normal, x, y, ops.maximum(height + z, LEAST)))
+
+
+@helper
+def _own(own: Vec, normal: Vec) -> Vec:
+    return own
+
+
+coat_normal = specialize_if_present(_own)  # the coat's own normal, that of the base: the normal of the coat
+
+
+@helper
+def _own_of_lanes(own: Vec, normal: Vec, on_coat: Lane) -> Vec:
+    return ops.where3(on_coat, own, normal)
+
+
+facets_normal = specialize_if_present(_own_of_lanes)  # the coat's own normal, that of the base, lanes of the coat

@@ -103,22 +103,6 @@ class Values(NamedTuple):
 
 
 @helper
-def _own(coat_normal: Vec, normal: Vec) -> Vec:
-    return coat_normal
-
-
-_outer = specialize_if_present(_own)  # the coat's own normal, that of the base: the normal of the coat
-
-
-@helper
-def _own_of_lanes(coat_normal: Vec, normal: Vec, on_coat: Lane) -> Vec:
-    return ops.where3(on_coat, coat_normal, normal)
-
-
-_normal_of = specialize_if_present(_own_of_lanes)  # the coat's own normal, that of the base, lanes of the coat
-
-
-@helper
 def seen_from(slabs: Slabs, normal: Vec, direction: Vec, far: Lane) -> Seen:
     """What the slabs do with light of a direction above the surface. `far`: it is the mirror image of one on the other side."""
     cosine = ops.clip(ops.dot(normal, direction), LEAST, 1.0)
@@ -127,7 +111,7 @@ def seen_from(slabs: Slabs, normal: Vec, direction: Vec, far: Lane) -> Seen:
     base = _within(slabs.passage, base, cosine, far)
     coat, path, lost, again, bright = zero, zero + 1.0, zero, zero, (zero, zero, zero)
     if ops.any_lane(slabs.coat > 0.0):
-        outer = _outer(slabs.coat_normal, normal)
+        outer = anisotropic_facets.coat_normal(slabs.coat_normal, normal)
         over, steep = anisotropic_facets.alpha_seen(slabs.coat_facets, outer, direction), ops.clip(ops.dot(outer, direction), LEAST, 1.0)
         coat = slabs.coat * dielectric_albedo.directional(slabs.reflection, steep, over, slabs.coat_step)
         sine = ops.maximum(1.0 - steep * steep, 0.0)
@@ -338,7 +322,7 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
         glossy = glossy + chance.again * spread * 0.5 / (cos_out + ops.sqrt(wide * wide + (1.0 - wide * wide) * cos_out * cos_out))
     shine = ops.mul(shine, below)
     if ops.any_lane(slabs.coat > 0.0):
-        outer = _outer(slabs.coat_normal, normal)
+        outer = anisotropic_facets.coat_normal(slabs.coat_normal, normal)
         above, steep = ops.dot(outer, to_light), ops.clip(ops.dot(outer, to_viewer), LEAST, 1.0)
         into_coat = ops.clip(above, LEAST, 1.0)
         strength, reach_out, seen = _facets_seen(slabs.coat_facets, outer, half, to_light, to_viewer, (steep, into_coat))
@@ -424,7 +408,7 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
         ops.where(round_, wide, ops.where(on_coat, coat.first, base.first)),
         ops.where(round_, wide, ops.where(on_coat, coat.second, base.second)), wide,
     )  # fmt: skip
-    outer = _normal_of(slabs.coat_normal, normal, on_coat)
+    outer = anisotropic_facets.facets_normal(slabs.coat_normal, normal, on_coat)
     half = anisotropic_facets.sample_visible_normal(chosen, outer, to_viewer, u, v)
     half = flakes.tilted(slabs.flake, half, base, normal, to_viewer, u, v, on_coat | further)
     direction = _through(slabs.passage, ops.reflect(ops.negate(to_viewer), half), passing, normal, half, to_viewer)

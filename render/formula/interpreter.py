@@ -111,7 +111,7 @@ def _point_module() -> ir.Module:
 
     def row(b: Any, op: Op, numbers: list[Any], arguments: Any) -> None:
         constants, registers = arguments[2:]
-        operands = [[_point_operand(b, name, constants, registers)] for name in numbers[1 : 1 + arity(op)]]
+        operands = [[point_operand(b, name, constants, registers)] for name in numbers[1 : 1 + arity(op)]]
         (value,) = EMITTERS["points"](VectorMath(b), op, operands, ir.Constant(I64, 0))
         out = b.add(numbers[0], ir.Constant(I64, INPUTS))
         store(b, registers, b.mul(out, ir.Constant(I64, BYTES)), value)
@@ -120,7 +120,7 @@ def _point_module() -> ir.Module:
     return module
 
 
-def _point_operand(b: Any, name: Any, constants: Any, registers: Any) -> Value:
+def point_operand(b: Any, name: Any, constants: Any, registers: Any) -> Value:
     """Load a register, or broadcast a constant."""
     zero = ir.Constant(I64, 0)
     constant = b.icmp_signed("<", name, zero)

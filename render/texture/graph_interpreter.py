@@ -14,13 +14,13 @@ from llvmlite import ir
 from ...compiler.formula.tape import INPUTS
 from ...compiler.texture_graph import noise
 from ...compiler.texture_graph.opcodes import Op, arity
-from ..formula.interpreter import optimize
-from ..formula.llvm_math import BYTES, LANES, POINTER, VectorMath, load, store
+from ..formula.interpreter import optimize, point_operand
+from ..formula.llvm_math import BYTES, LANES, POINTER, VectorMath, store
 from ..formula.loop_codegen import over_rows
 from ..jit import cache_key, compile_lock, kernel_cache, loader
 from ..jit.kernel_file import Code
 from ..jit.value_types import NONE
-from ..simd.llvm_expr import F64, I64, Value, select
+from ..simd.llvm_expr import I64, Value, select
 from ..simd.polynomials import to_integer
 
 GRAPH = ir.FunctionType(ir.VoidType(), [POINTER, I64, POINTER, POINTER, I64])
@@ -45,23 +45,13 @@ def module() -> ir.Module:
 
     def row(b: Any, op: Any, numbers: list[Any], arguments: Any) -> None:
         constants, registers, first = arguments[2:]
-        operands = [_operand(b, name, constants, registers) for name in numbers[1 : 1 + arity(op)]]
+        operands = [point_operand(b, name, constants, registers) for name in numbers[1 : 1 + arity(op)]]
         value = noise.point(GraphMath(b), op, *operands)
         out = b.add(b.add(numbers[0], first), ir.Constant(I64, INPUTS))
         store(b, registers, b.mul(out, ir.Constant(I64, BYTES)), value)
 
     over_rows(result, _NAME, GRAPH, 4, row, _OPS)
     return result
-
-
-def _operand(b: Any, name: Any, constants: Any, registers: Any) -> Value:
-    """Load a register, or broadcast a constant."""
-    zero = ir.Constant(I64, 0)
-    constant = b.icmp_signed("<", name, zero)
-    register = load(b, registers, b.mul(b.select(constant, zero, name), ir.Constant(I64, BYTES)))
-    place = b.gep(b.bitcast(constants, F64.as_pointer()), [b.not_(name)])
-    number = b.load(b.select(constant, place, b.bitcast(registers, F64.as_pointer())))  # for a register, an unused load
-    return Value(b, b.select(constant, Value(b, number, "f", 64).splat(LANES).raw, register.raw), "f", 64)
 
 
 @cache

@@ -1,6 +1,6 @@
 """Textures from tapes of texture graphs (compiler/texture_graph): patterns that read u, v, the normal and pictures.
 
-With a footprint, a graph is averaged over it as patterns are (procedural.py), and its pictures are looked up in levels for the
+With a footprint, a graph is averaged over it as patterns are (pixel_mean.py), and its pictures are looked up in levels for the
 footprint of one of these points. `Lookups` is a part of the table Textures in scenes with graphs; other scenes compile none of this.
 """
 
@@ -29,9 +29,10 @@ from ..lanes import crosslane, ops
 from ..simd.llvm_expr import I64
 from ..simd.registration import intrinsic, overload, signature, types
 from ..types import Lane, Vec
-from . import graph_interpreter
+from . import graph_interpreter, pixel_mean
 from .image_lookup import Rgba, look_up, look_up_level
-from .procedural import FORMULA, MOST, ROUGH, SOME, STEP_A, STEP_B, WITH_PLACES, place_in_array
+from .pixel_mean import WITH_PLACES
+from .procedural import FORMULA, place_in_array
 
 Inputs = tuple[Lane, Lane, Lane, Lane, Lane, Lane, Lane, Lane]
 """x, y, z, u, v and the three parts of the normal."""
@@ -129,32 +130,22 @@ def _evaluate_filtered_in_kernels(tables, row, surface, spread):
 
 @noinline_helper
 def _mean_over_pixel(tables: Any, row: Lane, point: Inputs, spread: Any) -> Vec:
-    """The mean over a parallelogram around a point: of SOME points, or of MOST where these differ much."""
+    """The mean over a parallelogram around a point."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
     of_uv = ops.maximum(abs(spread[0]) + abs(spread[2]), abs(spread[1]) + abs(spread[3]))
     of_place = ops.maximum(ops.length(right), ops.length(down))
     wide = of_uv + of_place > 0.0
     zero = 0.0 * point[0]
-    total, square, count = (zero, zero, zero), zero, zero
-    open_ = ops.bool_like(zero, True)
     widths = (of_uv * (1.0 / _ACROSS), of_place * (1.0 / _ACROSS))
-    k = 0
-    while ops.any_lane(open_):
-        number, side = (k >> 1) + 1, 1.0 - 2.0 * (k & 1)  # each point and its opposite: exact for linear patterns
-        a, b = side * ((0.5 + STEP_A * number) % 1.0 - 0.5), side * ((0.5 + STEP_B * number) % 1.0 - 0.5)
+    mean, k = pixel_mean.begin(zero), 0
+    while ops.any_lane(mean.open):
+        a, b = pixel_mean.offset(k)
         p = ops.along(ops.along((point[0], point[1], point[2]), right, zero + a), down, zero + b)
         u, v = point[3] + a * spread[0] + b * spread[2], point[4] + a * spread[1] + b * spread[3]
-        red, green, blue = evaluate(tables, row, (p[0], p[1], p[2], u, v, point[5], point[6], point[7]), widths)
-        grey = red + green + blue
-        total = ops.where3(open_, ops.add(total, (red, green, blue)), total)
-        square = ops.where(open_, square + grey * grey, square)
-        count = ops.where(open_, count + 1.0, count)
+        color = evaluate(tables, row, (p[0], p[1], p[2], u, v, point[5], point[6], point[7]), widths)
+        mean = pixel_mean.add(mean, color, k, wide)
         k += 1
-        open_ = open_ & wide & (k < MOST)
-        if k == SOME:  # the mean's error for random points, an upper bound for these
-            middle = (total[0] + total[1] + total[2]) / count
-            open_ = open_ & (square / count - middle * middle > SOME * ROUGH * ROUGH * middle * middle)
-    return ops.scale(total, 1.0 / count)
+    return pixel_mean.result(mean)
 
 
 # --- at points ----------------------------------------------------------------------------------------------------------

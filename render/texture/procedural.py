@@ -1,7 +1,6 @@
 """Procedural textures from formulas of the point, in the frame of the instance; the same tape in every backend.
 
-With a footprint, a pattern is averaged over it at the points of Roberts' R2 sequence ("The unreasonable effectiveness of quasirandom
-sequences", 2018), which is evenly distributed for any number of points.
+With a footprint, a pattern is averaged over it, see pixel_mean.py.
 
 Kernels call the tape evaluator through a pointer that is set for scenes with patterns; other scenes neither compile nor load it.
 """
@@ -23,13 +22,11 @@ from ..lanes import crosslane, ops
 from ..simd.llvm_expr import I64
 from ..simd.registration import intrinsic, make_array, overload, signature, types
 from ..types import Lane, Vec
+from . import pixel_mean
+from .pixel_mean import WITH_PLACES
 
 FORMULA = int(ir.TextureKind.FORMULA)
 MOST_ROWS = 509  # of a pattern's tape; x, y and z take further registers
-WITH_PLACES = 10  # length of Surface.spread with changes of the position
-SOME, MOST = 16, 64  # points of a footprint, and points where the first ones differ much
-ROUGH = 1 / 64  # error of the mean above which more points are evaluated
-STEP_A, STEP_B = 0.7548776662466927, 0.5698402909980532  # powers of the inverse plastic number, for the R2 sequence
 _ROOM = (MOST_ROWS + 3) * LANES
 _SYMBOL = "maquette_direct_slot"
 _slot = (ctypes.c_int64 * 1)(0)
@@ -49,28 +46,16 @@ def link(tables: ir.Tables) -> None:
 
 @noinline_helper
 def _mean_over_pixel(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
-    """The mean over a parallelogram around p: of SOME points, or of MOST where these differ much."""
+    """The mean over a parallelogram around p."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
     wide = abs(right[0]) + abs(right[1]) + abs(right[2]) + abs(down[0]) + abs(down[1]) + abs(down[2]) > 0.0
     zero = 0.0 * p[0]
-    total, square, count = (zero, zero, zero), zero, zero
-    open_ = ops.bool_like(zero, True)
-    k = 0
-    while ops.any_lane(open_):
-        number, side = (k >> 1) + 1, 1.0 - 2.0 * (k & 1)  # each point and its opposite: exact for linear patterns
-        a, b = side * ((0.5 + STEP_A * number) % 1.0 - 0.5), side * ((0.5 + STEP_B * number) % 1.0 - 0.5)
-        q = ops.along(ops.along(p, right, zero + a), down, zero + b)
-        r, g, b_ = evaluate(tables, row, q)
-        grey = r + g + b_
-        total = ops.where3(open_, ops.add(total, (r, g, b_)), total)
-        square = ops.where(open_, square + grey * grey, square)
-        count = ops.where(open_, count + 1.0, count)
+    mean, k = pixel_mean.begin(zero), 0
+    while ops.any_lane(mean.open):
+        a, b = pixel_mean.offset(k)
+        mean = pixel_mean.add(mean, evaluate(tables, row, ops.along(ops.along(p, right, zero + a), down, zero + b)), k, wide)
         k += 1
-        open_ = open_ & wide & (k < MOST)
-        if k == SOME:  # the mean's error for random points, an upper bound for these
-            middle = (total[0] + total[1] + total[2]) / count
-            open_ = open_ & (square / count - middle * middle > SOME * ROUGH * ROUGH * middle * middle)
-    return ops.scale(total, 1.0 / count)
+    return pixel_mean.result(mean)
 
 
 def evaluate_filtered(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:

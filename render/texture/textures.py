@@ -21,7 +21,7 @@ from ..jit.kernel import helper, noinline_helper
 from ..lanes import ops
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Tables, Vec
-from . import checker_filter, graphs, procedural
+from . import checker_filter, graphs, pixel_mean, procedural
 from .image_lookup import Rgba, look_up, look_up_level
 
 UV = int(ir.TextureMapping.UV)
@@ -187,13 +187,13 @@ def _gate(what: str) -> Any:
 
 def _if_formulas(tables: Any, spread: Any) -> Any:
     """Surface.spread, with changes of the position 0 or None where patterns are not filtered."""
-    has_places = spread is not None and len(spread) >= procedural.WITH_PLACES
+    has_places = spread is not None and len(spread) >= pixel_mean.WITH_PLACES
     return _spread_of_formulas(tables, spread) if has_places and hasattr(getattr(tables.images, "footprint", None), "formulas") else None
 
 
 @overload(_if_formulas)
 def _if_formulas_in_kernels(tables, spread):
-    has_places = isinstance(spread, types.BaseTuple) and len(spread) >= procedural.WITH_PLACES
+    has_places = isinstance(spread, types.BaseTuple) and len(spread) >= pixel_mean.WITH_PLACES
     if has_places and tables.field("images.footprint.formulas") is not None:
         return lambda tables, spread: _spread_of_formulas(tables, spread)
     return lambda tables, spread: None
@@ -213,7 +213,7 @@ def _spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot) -> Any:
     """Change of a texture's s and t along the two sides of the footprint, (s, t, s, t); None without one."""
     if surface.spread is None:
         return None
-    with_places = len(surface.spread) >= procedural.WITH_PLACES
+    with_places = len(surface.spread) >= pixel_mean.WITH_PLACES
     return _texture_spans(tables, row, _coordinate_spans(tables, row, uv, surface) if with_places else surface.spread)
 
 
@@ -222,7 +222,7 @@ def _spans_in_kernels(tables, row, uv, surface):
     spread = dict(zip(surface.fields, surface.types, strict=True))["spread"]
     if not isinstance(spread, types.BaseTuple):
         return lambda tables, row, uv, surface: None
-    if len(spread) >= procedural.WITH_PLACES:
+    if len(spread) >= pixel_mean.WITH_PLACES:
         return lambda tables, row, uv, surface: _texture_spans(tables, row, _coordinate_spans(tables, row, uv, surface))
     return lambda tables, row, uv, surface: _texture_spans(tables, row, surface.spread)
 

@@ -177,6 +177,7 @@ class Materials:
         if slabs.KEY in i:
             reader = _Reader(self, prim)
             maps = {slot: each for slot, each in ((ir.Slot.NORMAL, normal), (ir.Slot.BUMP, bump)) if each is not None}
+            maps |= self._coat_normal(i.get(slabs.COAT_NORMAL), prim)
             arithmetic, metres = Arithmetic(self.sources.graphs), self.opened.meters_per_unit
             rows = slabs.Rows(reader, arithmetic, network.name, span, metres, maps, prim, reader.tell)
             threshold = min(max(self._mean_of(i.get("opacityThreshold", 0.0), 0.0, prim), 0.0), 1.0)
@@ -227,6 +228,15 @@ class Materials:
         bent = graph_textures.bent(self._host(prim), source, self.opened.span(source.node.place))
         normal = None if bent.normal == NONE else Input((*bent.strength, 1.0), bent.normal)
         return normal, None if bent.bump == NONE else Input.number(1.0, bent.bump)
+
+    def _coat_normal(self, source: Any, prim: Any) -> dict[ir.Slot, Input]:
+        """The slot of a coat with a normal of its own."""
+        if source is None:
+            return {}
+        normal, bump = (None, None) if isinstance(source, str) else self._normals(source, prim)
+        if bump is not None:
+            self.tell("heights of a coat are not drawn: it is smooth", prim)
+        return {ir.Slot.COAT_NORMAL: slabs.SMOOTH_COAT if normal is None else normal}
 
     def _normal(self, source: Any, prim: Any) -> Input | None:
         """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""

@@ -33,7 +33,8 @@ _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
 DEFAULTS: Mapping[str, Any] = {
     **{name: default for name, (_, default, _, _) in openpbr.NUMBERS.items()},
     **{name: (grey,) * 3 for name, (_, grey, _) in openpbr.COLORS.items()},
-    "emission_luminance": 0.0, "emission_color": (1.0,) * 3, "geometry_opacity": 1.0, "geometry_normal": None, _THIN: False,
+    "emission_luminance": 0.0, "emission_color": (1.0,) * 3, "geometry_opacity": 1.0, "geometry_normal": None, "geometry_coat_normal": None,
+    _THIN: False,
     "transmission_depth": 0.0, "transmission_scatter": (0.0,) * 3, "transmission_scatter_anisotropy": 0.0,
     "subsurface_radius": 1.0, "subsurface_radius_scale": (1.0, 0.5, 0.25),
     "subsurface_scatter_anisotropy": 0.0, "transmission_dispersion_scale": 0.0, "transmission_dispersion_abbe_number": 20.0,
@@ -47,7 +48,8 @@ _STANDARD = {  # names and defaults of standard_surface
     "coat_roughness_anisotropy": ("coat_anisotropy", 0.0), "coat_rotation": ("coat_rotation", 0.0), "coat_ior": ("coat_IOR", 1.5),
     "coat_darkening": ("coat_affect_color", 0.0), "fuzz_weight": ("sheen", 0.0), "fuzz_color": ("sheen_color", (1.0,) * 3),
     "fuzz_roughness": ("sheen_roughness", 0.3), "emission_luminance": ("emission", 0.0), "emission_color": ("emission_color", (1.0,) * 3),
-    "geometry_opacity": ("opacity", (1.0,) * 3), "geometry_normal": ("normal", None), _THIN: ("thin_walled", False),
+    "geometry_opacity": ("opacity", (1.0,) * 3), "geometry_normal": ("normal", None), "geometry_coat_normal": ("coat_normal", None),
+    _THIN: ("thin_walled", False),
     "transmission_weight": ("transmission", 0.0), "transmission_color": ("transmission_color", (1.0,) * 3),
     "transmission_depth": ("transmission_depth", 0.0), "transmission_scatter": ("transmission_scatter", (0.0,) * 3),
     "transmission_scatter_anisotropy": ("transmission_scatter_anisotropy", 0.0), "subsurface_weight": ("subsurface", 0.0),
@@ -69,6 +71,7 @@ _GLTF = {
     "coat_weight": ("clearcoat", 0.0), "coat_roughness": ("clearcoat_roughness", 0.0), "fuzz_color": ("sheen_color", (0.0,) * 3),
     "fuzz_roughness": ("sheen_roughness", 0.0), "emission_color": ("emissive", (0.0,) * 3),
     "emission_luminance": ("emissive_strength", 1.0), "geometry_normal": ("normal", None), "transmission_weight": ("transmission", 0.0),
+    "geometry_coat_normal": ("clearcoat_normal", None),
     "transmission_color": ("attenuation_color", (1.0,) * 3), "transmission_depth": ("attenuation_distance", 0.0),
     "transmission_dispersion_scale": ("dispersion", 0.0), "thin_film_weight": ("iridescence", 0.0),
     "thin_film_thickness": ("iridescence_thickness", 100.0), "thin_film_ior": ("iridescence_ior", 1.3),
@@ -110,10 +113,25 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
             tell(f"the input `{name}` of {kind} is not drawn")
     if not is_zero(inputs["emission_luminance"]):
         inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
+    inputs |= {COAT_NORMAL: _coat_normal(shader, names, inputs)}
     inputs |= {KEY: True, "normal": inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
     return inputs
 
 
+def _coat_normal(shader: Any, names: Mapping[str, tuple[str, Any]], inputs: dict[str, Any]) -> Any:
+    """The source of the normal of the coat; SMOOTH without one over a base with one, None where it is that of the base."""
+    written, base = names.get("geometry_coat_normal", ("", None))[0], inputs["geometry_normal"]
+    if not written or is_zero(inputs["coat_weight"]):
+        return None
+    shader_input, own = shader.GetInput(written), inputs["geometry_coat_normal"]
+    if own is None or not shader_input.HasConnectedSource() or _is_of_surface(shader_input):
+        return None if base is None else SMOOTH
+    below = shader.GetInput(names["geometry_normal"][0])
+    is_same = bool(below) and below.GetRawConnectedSourcePaths() == shader_input.GetRawConnectedSourcePaths()
+    return None if is_same else own
+
+
+COAT_NORMAL, SMOOTH, SMOOTH_COAT = "coat normal", "smooth", openpbr.SMOOTH_COAT  # of Network.inputs; a source of it; its input
 GLTF_NAMES = {name for name, _ in _GLTF.values()} | _EXTRA["ND_gltf_pbr_surfaceshader"] | {"tangent", "clearcoat_normal"}
 
 
@@ -121,6 +139,9 @@ def needs(shader: Any, kind: str, source: Callable[[Any, Any], Any]) -> bool:
     """Whether a surface shader is read as slabs: one of glTF where `principled` does not have what it sets."""
     if kind != "ND_gltf_pbr_surfaceshader":
         return kind in SHADERS
+    normals = (source(shader.GetInput(name), None) for name in ("normal", "clearcoat_normal"))
+    if not is_zero(source(shader.GetInput("clearcoat"), 0.0)) and any(normal is not None for normal in normals):
+        return True
     for name in _MORE_THAN_PRINCIPLED:
         plain = 1.0 if name.startswith("specular") else 0.0
         value = numbers(source(shader.GetInput(name), plain))

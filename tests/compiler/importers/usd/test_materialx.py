@@ -76,6 +76,40 @@ def test_other_inputs_are_named(tmp_path):
     assert sorted(messages) == expected
 
 
+MAPS = """
+    def Shader "{name}" {{ uniform token info:id = "ND_normalmap"
+        vector3f inputs:in.connect = </m/{name}i.outputs:out>
+        vector3f outputs:out }}
+    def Shader "{name}i" {{ uniform token info:id = "ND_image_vector3"
+        asset inputs:file = @{name}.png@
+        vector3f outputs:out }}"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "coat", "coat_normal"),
+    [(STANDARD, "coat", "coat_normal"), ("ND_open_pbr_surface_surfaceshader", "coat_weight", "geometry_coat_normal"),
+     ("ND_gltf_pbr_surfaceshader", "clearcoat", "clearcoat_normal")],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("base", "own", "values", "mapped"),
+    [("a", "", (0, 0, 1), False), ("a", "b", (1, 1, 1), True), ("", "b", (1, 1, 1), True), ("a", "a", (0, 0, 0), False),
+     ("", "", (0, 0, 0), False)],
+)  # fmt: skip
+def test_normals_of_coats(tmp_path, kind, coat, coat_normal, base, own, values, mapped):
+    """A coat without a normal of its own is smooth: the default is the geometric normal."""
+    for name in "ab":
+        write_image(tmp_path / f"{name}.png", np.full((2, 2, 3), (140, 128, 250), np.uint8))
+    normal = "geometry_normal" if kind.startswith("ND_open") else "normal"
+    lines = [f"float inputs:{coat} = 1"]
+    lines += [f"vector3f inputs:{name}.connect = </m/{at}.outputs:out>" for name, at in ((normal, base), (coat_normal, own)) if at]
+    scene, messages = drawn(tmp_path, "\n".join(lines), kind, "".join(MAPS.format(name=name) for name in "ab"))
+    m = scene.tables.materials
+    assert messages == []
+    assert tuple(m.values[0, ir.Slot.COAT_NORMAL]) == values
+    assert (m.textures[0, ir.Slot.COAT_NORMAL] >= 0) == mapped
+    assert (m.textures[0, ir.Slot.NORMAL] >= 0) == bool(base)
+
+
 def test_pictures(tmp_path):
     """A tiled picture times the weight of the base, in the colour space of the file; one channel of another; a normal map."""
     write_image(tmp_path / "p.png", np.array([[[128, 64, 255]]], np.uint8))

@@ -49,7 +49,7 @@ class Materials:
         key = (row, b"" if radiance is None else radiance.tobytes())
         if key not in self._written:
             self._sets = TextureSets(self.tables)
-            looks = Looks(self.tables.materials, row)
+            looks = Looks(self.tables, row)
             exported = surface_of(self.out, row, looks.carried())._replace(medium=medium_of(self.out, row))
             document = self._document(exported, looks) if radiance is None else self._shining(f"light{len(self._written)}", radiance)
             document["doubleSided"] = True
@@ -75,7 +75,7 @@ class Materials:
             exported = exported._replace(surface=replace(exported.surface, diffuse=base))
         s = exported.surface
         if s.diffuse.texture < 0 and s.opacity.texture >= 0:
-            base = self._reference(s.opacity.texture, self._alpha_picture(s.opacity.texture))
+            base = self._in_alpha(s.opacity.texture)
         else:
             base = self._base(s.diffuse, s.opacity.texture)
         alpha = s.opacity.value[0] * (1.0 - s.transmission)
@@ -97,7 +97,7 @@ class Materials:
         if s.occlusion.texture >= 0:
             document["occlusionTexture"] = self._picture(s.occlusion.texture)
         document |= self._emission(s.emissive)
-        if extensions := {**self._extensions(exported, share), **looks.extensions()}:
+        if extensions := {**self._extensions(exported, share), **looks.extensions(self._picture, self._in_alpha)}:
             document.setdefault("extensions", {}).update(extensions)
         for name in document.get("extensions", {}):
             self.container.use(name)
@@ -129,9 +129,10 @@ class Materials:
             largest = max(*s.specular.value, 1e-9)
             root = math.sqrt(min(largest, 0.99))
             extensions["KHR_materials_ior"] = {"ior": (1.0 + root) / (1.0 - root)}
-            extensions["KHR_materials_specular"] = {"specularColorFactor": [c / largest for c in s.specular.value]}
+            specular: dict[str, Any] = {"specularColorFactor": [c / largest for c in s.specular.value]}
             if s.specular.texture >= 0:
-                self.out.cannot(losses.texture(ir.Slot.SPECULAR), "textures", s.specular.texture)
+                specular["specularColorTexture"] = self._picture(s.specular.texture, color=True)
+            extensions["KHR_materials_specular"] = specular
         if share > 0.0 and exported.diffuse_transmission is not None:
             passed = exported.diffuse_transmission
             through: dict[str, Any] = {"diffuseTransmissionFactor": share}
@@ -153,10 +154,11 @@ class Materials:
                 coat["clearcoatNormalTexture"] = {**self._picture(normal.texture, levels=True), "scale": normal.value[0]}
             extensions["KHR_materials_clearcoat"] = coat
         if any(s.sheen.value):
-            for slot in (s.sheen, s.sheen_roughness):
-                if slot.texture >= 0:
-                    self.out.cannot(losses.texture(ir.Slot.SHEEN), "textures", slot.texture)
-            sheen = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
+            sheen: dict[str, Any] = {"sheenColorFactor": list(s.sheen.value), "sheenRoughnessFactor": s.sheen_roughness.value[0]}
+            if s.sheen.texture >= 0:
+                sheen["sheenColorTexture"] = self._picture(s.sheen.texture, color=True)
+            if s.sheen_roughness.texture >= 0:
+                sheen["sheenRoughnessTexture"] = self._in_alpha(s.sheen_roughness.texture)
             extensions["KHR_materials_sheen"] = sheen
         return extensions
 
@@ -195,9 +197,10 @@ class Materials:
                 alpha = None
         return self._reference(row, self._png(self._sets.pixels(row), color=True, alpha=alpha))
 
-    def _alpha_picture(self, row: int) -> bytes:
+    def _in_alpha(self, row: int) -> dict[str, Any]:
+        """The reference of a picture of numbers in alpha."""
         alpha = self._sets.pixels(row)[..., 0]
-        return self._png(np.ones((*alpha.shape, 3), np.float32), alpha=alpha)
+        return self._reference(row, self._png(np.ones((*alpha.shape, 3), np.float32), alpha=alpha))
 
     def _packed(self, metallic: int, roughness: int) -> dict[str, Any] | None:
         """The reference of a picture of roughness in green and of metallic in blue."""

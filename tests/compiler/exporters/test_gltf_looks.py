@@ -84,3 +84,34 @@ def test_the_normals_of_coats(tmp_path, more, values, has_picture):
     assert numbers(back, Slot.COAT_NORMAL) == pytest.approx(values)
     assert numbers(there, Slot.COAT_NORMAL) == pytest.approx(values)
     assert (back.tables.materials.textures[row, Slot.COAT_NORMAL] >= 0) == has_picture
+
+
+@pytest.mark.parametrize(
+    ("material", "slots"),
+    [
+        ("principled(#204080, sheen: PICTURE, sheen_roughness: PICTURE)", (Slot.SHEEN, Slot.SHEEN_ROUGHNESS)),
+        ("openpbr(#202020, thin_film_weight: PICTURE, thin_film_thickness: PICTURE)", (Slot.FILM, Slot.FILM_THICKNESS)),
+        ("openpbr(#202020, thin_film_weight: 1, specular_weight: PICTURE, specular_color: PICTURE)", (Slot.SPECULAR_WEIGHT, Slot.SPECULAR)),
+    ],
+)
+def test_pictures_of_lobes(tmp_path, material, slots):
+    """The mean of each input is that of before: pictures keep their channel, their encoding and their factor."""
+    texels = np.zeros((4, 4, 3), np.uint8) + np.array([200, 100, 50], np.uint8)
+    write_image(tmp_path / "p.png", texels)
+    there, back, said = converted(tmp_path, material.replace("PICTURE", 'image("p.png")'))
+    assert not [line for line in said.splitlines() if "is not carried" in line and "texture" in line]
+    for slot in slots:
+        means = [texture_mean(scene, slot) for scene in (there, back)]
+        assert means[1] == pytest.approx(means[0], abs=5e-3), slot
+
+
+def texture_mean(scene, slot):
+    """The mean of an input over its picture."""
+    t, row = scene.tables, scene.tables.instances.material[0]
+    texture = int(t.materials.textures[row, slot])
+    assert texture >= 0
+    first, count = int(t.images.first[t.textures.image[texture]]), int(t.images.width[t.textures.image[texture]]) ** 2
+    texel, channel = t.images.texels[first : first + count].mean(axis=0), int(t.textures.channel[texture])
+    color = texel[:3] if channel < 0 else np.repeat(texel[channel], 3)
+    value = t.materials.values[row, slot] if slot in ir.COLOR_SLOTS else np.repeat(t.materials.values[row, slot, 0], 3)
+    return value * (t.textures.gain[texture] * color + t.textures.bias[texture])

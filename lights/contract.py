@@ -41,7 +41,10 @@ class Form(IntEnum):
 
 
 class Row(NamedTuple):
-    """The columns of ir.Lights that an element gives. `strength` times `tint` times `color` is the color."""
+    """The columns of ir.Lights that an element gives. `strength` times `tint` times `color` is the color.
+
+    `profile` may read `cos_cone` and `cos_full` as numbers of its own: −1 ≤ `cos_cone` ≤ `cos_full` ≤ 1, which `validate` checks.
+    """
 
     kind: ir.LightKind
     strength: float
@@ -52,7 +55,7 @@ class Row(NamedTuple):
     size: tuple[float, float] = (0.0, 0.0)
     cos_cone: float = -1.0
     cos_full: float = -1.0
-    angle: float = 0.0
+    angle: float = 0.0  # radians, at most π/2
     image: int = -1
     color: Color | None = None  # in place of the argument `color`
 

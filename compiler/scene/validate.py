@@ -337,7 +337,8 @@ def _lights(check: Check) -> None:
     check.bad("lights", (profiled | ir.is_in(kind, PROFILED)) & (t["instance"] >= 0), "it has a factor by direction and a visible shape")
     extent = np.where(ir.is_in(kind, RECTANGLES), t["size"].min(axis=1, initial=np.inf), t["size"][:, 0])
     check.bad("lights", area & ~(extent > 0), "it has no area: it gives no light", "error", "make its size more than 0")
-    check.bad("lights", (t["cos_cone"] > t["cos_full"]) | (np.abs(t["cos_cone"]) > 1) | (np.abs(t["cos_full"]) > 1), "its cone is none")
+    beyond = (t["cos_cone"] > t["cos_full"]) | (np.abs(t["cos_cone"]) > 1) | (np.abs(t["cos_full"]) > 1)
+    check.bad("lights", beyond, "its cone is none: −1 ≤ cos_cone ≤ cos_full ≤ 1 does not hold")
     check.bad("lights", (t["angle"] < 0) | (t["angle"] > np.pi / 2), "its disk is wider than half of the sky")
     c = t["coefficients"]
     polynomial = (t["falloff"] == ir.FalloffKind.POLYNOMIAL) & ((c < 0).any(axis=1) | ~(c > 0).any(axis=1))

@@ -118,7 +118,7 @@ def test_a_good_scene_is_the_very_same() -> None:
         ("lights", "direction", 1, 0, "light: its direction is not of length 1"),
         ("lights", "receivers", 0, 8, "light: its links have bits that mean nothing"),
         ("lights", "blockers", 0, -1, "light: its links have bits that mean nothing"),
-        ("lights", "cos_cone", 1, 0.95, "light: its cone is none"),
+        ("lights", "cos_cone", 1, 0.95, "light: its cone is none: −1 ≤ cos_cone ≤ cos_full ≤ 1 does not hold"),
         ("lights", "coefficients", 2, 1, "light: its fall-off is none"),
         ("lights", "image", 3, -1, "light: a dome has a picture"),
         ("lights", "instance", 0, 0, "light: the instance that is its shape does not say so"),

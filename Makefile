@@ -73,6 +73,7 @@ reference: $(DEVELOP)  ## write docs/reference.md and docs/reference/ from the s
 	@for name in usd gltf meshes; do \
 	  $(BIN)/python -m maquette.compiler.format_pages $$name > build/$$name.md && mv build/$$name.md docs/$$name.md || exit; \
 	done
+	@$(BIN)/python -m maquette.compiler.format_pages export < docs/export.md > build/export.md && mv build/export.md docs/export.md
 
 gallery: $(DEVELOP)  ## render the pictures of docs/gallery.md again: half an hour on two cores (needs the extra denoise)
 	@mkdir -p build

@@ -1,6 +1,7 @@
-"""Generator of docs/usd.md, docs/gltf.md and docs/meshes.md from the tables of the readers.
+"""Generator of docs/usd.md, docs/gltf.md and docs/meshes.md from the tables of the readers, and of the table in docs/export.md.
 
 python -m maquette.compiler.format_pages usd > docs/usd.md
+python -m maquette.compiler.format_pages export < docs/export.md > build/export.md
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import sys
 from collections.abc import Sequence
 
 from ..lang import file_types
+from .exporters import writers
 from .importers import gltf_tables, mesh_tables
 from .importers.understood import Table
 from .importers.usd import tables as usd_tables
@@ -122,7 +124,14 @@ def _escaped(note: str) -> str:
     return note.replace("|", "\\|")
 
 
+def with_writers(text: str) -> str:
+    """The text of docs/export.md, with the rows of WRITERS in its first table."""
+    table = re.search(r"^\|.*(?:\n\|.*)*", text, re.MULTILINE)
+    assert table is not None, "docs/export.md has no table"
+    return text[: table.start()] + writers.table() + text[table.end() :]
+
+
 if __name__ == "__main__":
-    if len(sys.argv) != 2 or sys.argv[1] not in PAGES:
-        sys.exit(f"usage: python -m maquette.compiler.format_pages {'|'.join(PAGES)}")
-    sys.stdout.write(page(sys.argv[1]))
+    if len(sys.argv) != 2 or sys.argv[1] not in (*PAGES, "export"):
+        sys.exit(f"usage: python -m maquette.compiler.format_pages {'|'.join(PAGES)}|export")
+    sys.stdout.write(with_writers(sys.stdin.read()) if sys.argv[1] == "export" else page(sys.argv[1]))

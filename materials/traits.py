@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..compiler import ir
-from . import MATERIALS, thresholds
+from . import ADDED, MATERIALS, thresholds
 from .contract import Lobes
 
 Slot = ir.Slot
@@ -235,25 +235,27 @@ def lit(tables: ir.Tables) -> np.ndarray:
     return plain | has(tables, Lobes.FACETS | Lobes.SLABS | Lobes.PARTS) | rough_glass(tables) | added(tables)
 
 
+def _may_be_flat(tables: ir.Tables) -> np.ndarray:
+    """Whether the roughness is somewhere that of a perfect mirror."""
+    return (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
+
+
 def flat_coats(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: bodies whose highlight is somewhere a perfect mirror."""
-    flat = (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
-    return coated(tables) & flat
+    return coated(tables) & _may_be_flat(tables)
 
 
 def flat_facets(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials whose microfacets are somewhere a perfect mirror."""
-    flat = (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
-    return facets(tables) & flat
+    return facets(tables) & _may_be_flat(tables)
 
 
 def sharp(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: materials with perfect specular reflection or transmission; a blend has that of its parts."""
-    flat = (tables.materials.values[:, Slot.ROUGHNESS, 0] ** 2 < thresholds.SHARP) | _textured(tables, Slot.ROUGHNESS)
     glass = has(tables, Lobes.GLASS)
     passing = (_positive(tables, Slot.TRANSMISSION) | _textured(tables, Slot.TRANSMISSION)) & ~glass
     reflecting = _positive(tables, Slot.REFLECTION) | _textured(tables, Slot.REFLECTION)
-    return with_parts(tables, reflecting | passing | flat_facets(tables) | (glass & flat))
+    return with_parts(tables, reflecting | passing | flat_facets(tables) | (glass & _may_be_flat(tables)))
 
 
 def polished(tables: ir.Tables) -> np.ndarray:
@@ -310,10 +312,20 @@ def mostly_diffuse(tables: ir.Tables) -> np.ndarray:
 
 def albedo(tables: ir.Tables) -> np.ndarray:
     """(materials,) about the share of light that a material reflects."""
-    m, slots = tables.materials, [Slot.DIFFUSE, Slot.REFLECTION, Slot.SPECULAR]
-    parts = m.values[:, slots].mean(axis=2)
-    parts = np.where(m.textures[:, slots] >= 0, PATTERN * parts, parts)
-    share = np.clip(parts.max(axis=1), 0.0, 1.0)
+    m = tables.materials
+    share = _largest_share(tables, (Slot.DIFFUSE, Slot.REFLECTION, Slot.SPECULAR))
+    for lobe, models in ADDED:
+        colors = tuple(slot for slot in lobe.SLOTS if slot in ir.COLOR_SLOTS)
+        if colors and not lobe.THROUGH:
+            share = np.where(ir.is_in(m.model, models), np.maximum(share, _largest_share(tables, colors)), share)
     for row in blends(tables):
         share[row] = 0.5 * (share[m.first[row]] + share[m.second[row]])
     return share
+
+
+def _largest_share(tables: ir.Tables, slots: tuple[ir.Slot, ...]) -> np.ndarray:
+    """(materials,) the largest of these reflectances, 0 to 1."""
+    m = tables.materials
+    parts = m.values[:, list(slots)].mean(axis=2)
+    parts = np.where(m.textures[:, list(slots)] >= 0, PATTERN * parts, parts)
+    return np.clip(parts.max(axis=1), 0.0, 1.0)

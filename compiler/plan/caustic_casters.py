@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from ...lights import DISTANT, PLACED, POINTS, SUNS, SURFACES
+from ...lights import DISTANT, LIGHTS, PLACED, POINTS, SUNS, SURFACES
 from ...materials import traits
 from .. import ir
 from ..ir import light_links
@@ -137,8 +137,11 @@ def _confined(tables: ir.Tables) -> bool:
         bulb = lit.kind[k] in PLACED and bool(enclosing(tables, place[None])[0])
         way = centre - place
         away = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
-        off = np.arccos(np.clip(way @ lit.direction[k] / away, -1.0, 1.0)) + math.acos(float(np.clip(lit.cos_cone[k], -1.0, 1.0)))
-        fills = lit.kind[k] == ir.LightKind.SPOT and bool((off < np.arcsin(np.clip(radius / away, 0.0, 1.0))).any())
+        widest = LIGHTS[int(lit.kind[k])].widest if lit.kind[k] in POINTS else None
+        fills = False
+        if widest is not None:
+            off = np.arccos(np.clip(way @ lit.direction[k] / away, -1.0, 1.0)) + widest(lit, k)
+            fills = bool((off < np.arcsin(np.clip(radius / away, 0.0, 1.0))).any())
         if not (bulb or fills):
             return False
     shining = traits.emissive(tables)[tables.instances.material] & (tables.instances.light < 0)

@@ -46,15 +46,7 @@ _DEFAULTS = {  # default values: columns with them are left out
     "transforms": {"flips": 0, "first_key": -1, "keys": 0},
 }  # fmt: skip
 
-_NUMBERS = {
-    ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS,
-    ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS, ir.Slot.RADIUS,
-    ir.Slot.BASE_WEIGHT, ir.Slot.DIFFUSE_ROUGHNESS, ir.Slot.SPECULAR_WEIGHT, ir.Slot.ANISOTROPY, ir.Slot.ROTATION, ir.Slot.COAT_IOR,
-    ir.Slot.COAT_ANISOTROPY, ir.Slot.COAT_ROTATION, ir.Slot.COAT_DARKENING, ir.Slot.FUZZ, ir.Slot.FUZZ_ROUGHNESS, ir.Slot.FILM,
-    ir.Slot.FILM_THICKNESS, ir.Slot.FILM_IOR, ir.Slot.TRANSMISSION_WEIGHT, ir.Slot.SUBSURFACE_WEIGHT, ir.Slot.THIN_WALLED,
-    ir.Slot.DISPERSION, ir.Slot.SUBSURFACE_ANISOTROPY, ir.Slot.FLAKE_SIZE, ir.Slot.FLAKE_TILT, ir.Slot.FLAKE_COVERAGE,
-    ir.Slot.FLAKE_SEED,
-}  # fmt: skip
+_NUMBERS = frozenset(ir.Slot) - ir.COLOR_SLOTS - {ir.Slot.NORMAL, ir.Slot.COAT_NORMAL, ir.Slot.ABSORPTION}
 
 
 def text(scene: ir.Scene) -> str:

@@ -19,14 +19,14 @@ SLOTS = (
 
 def surface(row: SurfaceRow, metallic: Input, specular: Input | None = None) -> Exported:
     """A surface with all layers."""
-    through = float(row.value(ir.Slot.TRANSMISSION).max())
-    exported = row.surface(
+    transmission = float(row.value(ir.Slot.TRANSMISSION).max())
+    layers = row.surface(
         row.input(ir.Slot.DIFFUSE), metallic, row.input(ir.Slot.ROUGHNESS), row.ior, specular=specular,
         emissive=row.input(ir.Slot.EMISSION), coat=row.input(ir.Slot.COAT), coat_roughness=row.input(ir.Slot.COAT_ROUGHNESS),
         sheen=row.input(ir.Slot.SHEEN), sheen_roughness=row.input(ir.Slot.SHEEN_ROUGHNESS), occlusion=row.input(ir.Slot.AMBIENT),
-        transmission=through,
+        transmission=transmission,
     )  # fmt: skip
-    return Exported(exported)
+    return Exported(layers)
 
 
 def mitsuba(row: MitsubaRow) -> Any:

@@ -72,7 +72,7 @@ def keeper_of(job: Job, read: Reading) -> Keeper | None:
         hint = "the picture goes on; make room there, or give --checkpoint off"
         job.report([Diagnostic("warning", f"cannot write {file}: {fault.strerror or fault}", hint=hint)])
 
-    exists = checkpoint.is_there(file, job.files)
+    exists = checkpoint.exists(file, job.files)
     keeper = checkpoint.Keeper(file, key, first, every, job.resume, fail)
     if job.resume and exists and keeper.found is None:
         again = "is damaged, or of another scene, version, machine or settings: the picture begins anew"

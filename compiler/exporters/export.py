@@ -20,7 +20,7 @@ from ..ir.light_links import CASTERS, EVERYTHING
 class Export:
     """An exported scene: the main file's content, and the other files by name.
 
-    `found` has a warning with a fix for each feature that the format lacks, and a note for each feature in another form.
+    `diagnostics` has a warning with a fix for each feature that the format lacks, and a note for each feature in another form.
     """
 
     scene: ir.Scene

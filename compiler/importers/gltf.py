@@ -199,7 +199,7 @@ class _Reader:
 
     def primitive(self, primitive: dict[str, Any], name: str, weights: tuple[float, ...], skin: gltf_animation.Skin | None) -> list[Part]:
         """One primitive (§3.7.2), morphed and skinned; several parts if its pictures read several sets of texture coordinates."""
-        if not self.readable(primitive):
+        if not self.decompressed(primitive):
             return []
         if (mode := primitive.get("mode", TRIANGLES)) not in range(FAN + 1):
             raise GltfError(f"there is no mode {str(mode)[:40]}: 0 to {FAN} are points, lines and triangles")
@@ -298,8 +298,8 @@ class _Reader:
             self.warn(f"{lost} use vertices that do not exist or are not finite: they are left out")
         return triangles[sound]
 
-    def readable(self, primitive: dict[str, Any]) -> bool:
-        """Whether a primitive is not compressed, or was decompressed now."""
+    def decompressed(self, primitive: dict[str, Any]) -> bool:
+        """Decompress a primitive in place; False, with a warning, where that fails."""
         extensions = primitive.get("extensions", {})
         if gltf_draco.EXTENSION in extensions:
             if reason := gltf_draco.missing():

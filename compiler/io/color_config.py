@@ -179,7 +179,7 @@ def _check_files(path: Path) -> None:
             f"the colour configuration {path} names its look-up tables in a form that is not read", "write `src: name` in each"
         )
     for name in named:
-        for target in _targets(base, _search_paths(text), name):
+        for target in _candidate_files(base, _search_paths(text), name):
             if not target.is_relative_to(base):
                 message = f"the colour configuration {path} reads `{name}`, which lies outside of its folder"
                 raise ConfigError(message, "copy it there, and write its new name")
@@ -190,7 +190,7 @@ def _search_paths(text: str) -> list[str]:
     return [entry.strip().strip("-[]\"' ") for parts in entries for entry in parts]
 
 
-def _targets(base: Path, searched: list[str], name: str) -> Iterator[Path]:
+def _candidate_files(base: Path, searched: list[str], name: str) -> Iterator[Path]:
     if "$" in name or "%" in name or any("$" in entry or "%" in entry for entry in searched):
         raise ConfigError(f"a look-up table has a variable in its name: `{name}`", "write the name of the file")
     yield from (Path(base, entry, name).resolve() for entry in {"", *searched})

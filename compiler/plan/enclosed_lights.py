@@ -18,7 +18,7 @@ from ..formula.tape import load_tape
 from ..ir import light_links
 
 AHEAD = 1e-6  # distance in front of the eye, relative to that from the origin and in metres, where enclosure is tested
-MOST_LAMPS = 64  # lights that are tested
+MOST_LIGHTS = 64  # lights that are tested
 MOST_TRIANGLES = 1 << 20  # times points, of all meshes: a fifth of a second
 
 
@@ -26,7 +26,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     """Warn of each light in a closed opaque instance that the first camera is outside of."""
     tables = scene.tables
     lights = tables.lights
-    rows = np.flatnonzero(ir.is_in(lights.kind, PLACED) & lights.shadows & ~light_links.selective(tables))[:MOST_LAMPS]
+    rows = np.flatnonzero(ir.is_in(lights.kind, PLACED) & lights.shadows & ~light_links.selective(tables))[:MOST_LIGHTS]
     if not len(rows) or not len(tables.cameras.transform):
         return
     boxes = [corners(tables, int(row)) for row in rows]
@@ -37,24 +37,25 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
         g = int(tables.instances.geometry[instance])
         inverse = tables.transforms.inverse[tables.instances.transform[instance]]
         low, high = tables.geometries.bounds[g]
-        around = [points @ inverse[:, :3].T + inverse[:, 3] for points in boxes]
-        near = [k for k, local in enumerate(around) if ((local > low) & (local < high)).all() and lights.instance[rows[k]] != instance]
+        local_points = [points @ inverse[:, :3].T + inverse[:, 3] for points in boxes]
+        within = [((points > low) & (points < high)).all() for points in local_points]
+        near = [k for k in range(len(rows)) if within[k] and lights.instance[rows[k]] != instance]
         if not near:
             continue
-        each = int(tables.geometries.triangle_count[g])
-        remaining -= each
+        triangle_count = int(tables.geometries.triangle_count[g])
+        remaining -= triangle_count
         if remaining < 0:
             return
         if inside(tables, g, (inverse[:, :3] @ eye + inverse[:, 3])[None])[0]:
             continue
         for k in near:
-            remaining -= each * len(around[k])
+            remaining -= triangle_count * len(local_points[k])
             if remaining < 0:
                 return
-            if inside(tables, g, around[k]).all():
+            if inside(tables, g, local_points[k]).all():
                 hint = "move it out, or make that of glass, or write `shadows: false`"
                 span = scene.spans.get("lights", int(rows[k]))
-                diagnostics.warning("this lamp is inside of an opaque solid: nothing outside is lit by it", span, hint)
+                diagnostics.warning("this light is inside of an opaque solid: nothing outside is lit by it", span, hint)
 
 
 _AROUND = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
@@ -95,10 +96,10 @@ def inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:
         except solid_fields.NoSolid:
             return np.zeros(len(points), np.bool_)
     with np.errstate(all="ignore"):
-        inside = np.broadcast_to(numpy_interpreter.points(tape, *points.T)[0], len(points)) < 0.0
+        below = np.broadcast_to(numpy_interpreter.points(tape, *points.T)[0], len(points)) < 0.0
     if kind == ir.GeometryKind.FORMULA and parameters[4] > 0.0:
-        inside = inside & (np.linalg.norm(points - parameters[1:4], axis=1) < parameters[4])
-    return inside
+        below = below & (np.linalg.norm(points - parameters[1:4], axis=1) < parameters[4])
+    return below
 
 
 def _in_mesh(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:

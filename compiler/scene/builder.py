@@ -127,7 +127,7 @@ class SceneBuilder:
     # --- geometry ---
 
     def geometry(self, kind: ir.GeometryKind, parameters: Sequence[float] = (), span: Span | None = None, name: str = "") -> int:
-        """The row of an analytic shape; `parameters` in the order of ir.GeometryKind."""
+        """The row of an analytic shape; `parameters` in the order of its MEASURES."""
         numbers = tuple(map(float, parameters))
         key = (int(kind), numbers)
         row = self._known.get(key)

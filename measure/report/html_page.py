@@ -39,10 +39,10 @@ def html(chart: Chart, drawing: str) -> str:
 {_inline(drawing)}
 <p id="said" role="status">A point shows its settings, time and error; a click copies its command.</p>
 <ul>{answers}</ul>
-{_rows(chart)}
+{_point_table(chart)}
 {_about(chart)}
 <div id="tip"></div>
-<script type="application/json" id="points">{_data(chart)}</script>
+<script type="application/json" id="points">{_tooltip_data(chart)}</script>
 <script>
 {(FOLDER / "page.js").read_text(encoding="utf-8")}</script>
 </html>
@@ -68,7 +68,7 @@ def _inline(drawing: str) -> str:
     return element.strip()
 
 
-def _data(chart: Chart) -> str:
+def _tooltip_data(chart: Chart) -> str:
     """The data of the tooltips as JSON. `<` is escaped, so that it cannot end the script."""
     shown = [
         {
@@ -96,7 +96,7 @@ def _figures(point: Point) -> list[tuple[str, str]]:
     return [*figures, ("note", point.note)] if point.note else figures
 
 
-def _rows(chart: Chart) -> str:
+def _point_table(chart: Chart) -> str:
     headings, rows = text_report.points(chart)
     head = "".join(f"<th>{escape(h)}</th>" for h in headings)
     body = ""
@@ -108,10 +108,10 @@ def _rows(chart: Chart) -> str:
 
 def _about(chart: Chart) -> str:
     """The conditions of the measurement, and the contestants that are left out."""
-    return f'<dl class="about">{"".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _facts(chart))}</dl>'
+    return f'<dl class="about">{"".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _conditions(chart))}</dl>'
 
 
-def _facts(chart: Chart) -> Iterable[tuple[str, str]]:
+def _conditions(chart: Chart) -> Iterable[tuple[str, str]]:
     yield "scene", f"{chart.scene}, {formatting.size(chart)}"
     yield "reference", chart.reference
     yield "its uncertainty", formatting.error(chart.metric, chart.floor) if chart.floor else "none"

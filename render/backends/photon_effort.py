@@ -36,7 +36,7 @@ def measure(accel: Handle, scene: Any, frame: Frame, tracer: Tracer, kind: type,
     small = _frame(frame)
     unchanged = Handle(small._replace(picture=frame.picture))
     tracer.widen(unchanged)
-    lit = [scene._replace(light=scene.light._replace(photons=tracer.pilot(k, unchanged))) for k in range(2)]
+    lit = [scene._replace(light=scene.light._replace(photons=tracer.make_pilot_maps(k, unchanged))) for k in range(2)]
     first, second = (_draw(accel, each, small, kind, threads, reuses) for each in lit)
     mean = first.mean(axis=0), second.mean(axis=0)
     light = np.maximum(0.5 * (mean[0] + mean[1]), 0.0)

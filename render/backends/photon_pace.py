@@ -30,7 +30,7 @@ class PhotonPace:
         if self.deadline.left() < LEAST:
             return False
         began = self.deadline.clock()
-        tracer.pilot(2, frame)
+        tracer.make_pilot_maps(2, frame)
         took = self.deadline.clock() - began
         self._seconds = took / photon_tracer.PILOT
         return PILOTS * took < SHARE * self.deadline.left()
@@ -38,14 +38,14 @@ class PhotonPace:
     @contextmanager
     def limited(self, tracer: Tracer, samples: int) -> Iterator[None]:
         """In the block, the tracer's effort for a round of `samples` is at most what the deadline allows."""
-        effort, before, began = tracer.effort, tracer.so_far, self.deadline.clock()
+        effort, before, began = tracer.effort, tracer.photon_count, self.deadline.clock()
         if self.deadline.is_finite:
             tracer.effort = min(effort, max(self._affordable(samples), FEWEST))
         try:
             yield
         finally:
             tracer.effort = effort
-            if traced := tracer.so_far - before:
+            if traced := tracer.photon_count - before:
                 self._seconds = (self.deadline.clock() - began) / traced
 
     def _affordable(self, samples: int) -> float:

@@ -182,7 +182,7 @@ def _prepare_paths(tables: ir.Tables, plan: Plan, options: Options, frame: Frame
         from ..integrator.photons import tracer as photons  # few scenes need it
 
         tracer = photons.Tracer(accel, packed, frames, cast(aims, kind), kind, threads or target.cores(), light.photons.beams)
-        tracer.ready()
+        tracer.compile_kernel()
     return Prepared(tables, packed, accel, None, options, frames, paths=kind, photon_tracer=tracer)
 
 

@@ -102,7 +102,7 @@ class Renderer:
         if self.prepared.photon_tracer is None:
             return None
         self._measure()
-        return self.prepared.photon_tracer.most(self.view.width * self.view.height)
+        return self.prepared.photon_tracer.most_samples(self.view.width * self.view.height)
 
     def limit_time(self, deadline: Deadline) -> None:
         """See film.Renderer: limits the photons."""
@@ -121,7 +121,7 @@ class Renderer:
         self._measure()
         scene, tracer = self.packed.tables, self.prepared.photon_tracer
         with self.photon_pace.limited(tracer, samples):
-            maps = tracer.make(samples)
+            maps = tracer.make_maps(samples)
         self.packed = Handle(scene._replace(light=scene.light._replace(photons=maps)))
 
     def _measure(self) -> None:
@@ -161,13 +161,13 @@ class Renderer:
     def shared(self) -> tuple[int, ...]:
         """See film.Renderer."""
         tracer = self.prepared.photon_tracer
-        return () if tracer is None else (tracer.maps, tracer.so_far)
+        return () if tracer is None else (tracer.map_count, tracer.photon_count)
 
     def share(self, state: tuple[int, ...]) -> None:
         """See film.Renderer."""
         tracer = self.prepared.photon_tracer
         if tracer is not None:
-            tracer.maps, tracer.so_far = state
+            tracer.map_count, tracer.photon_count = state
 
     def limit(self, bounces: int) -> None:
         """Set the limit on bounces. No thread may be drawing."""

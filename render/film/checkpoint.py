@@ -45,7 +45,7 @@ class Keeper:
         `fail` is called, from any thread, with the error of a checkpoint that cannot be written.
         """
         self.path, self._key, self._fail = path, functools.cache(key), fail  # the key of a large scene takes a second
-        self.found = load(path, self._key()) if resume and is_there(path) else None  # None: begin
+        self.found = load(path, self._key()) if resume and exists(path) else None  # None: begin
         self._every = every
         self._next = time.monotonic() + first
 
@@ -69,7 +69,7 @@ class Keeper:
         self.path.unlink(missing_ok=True)
 
 
-def is_there(path: Path, protected: Iterable[Path] = ()) -> bool:
+def exists(path: Path, protected: Iterable[Path] = ()) -> bool:
     """Whether a checkpoint stands at `path`. Raises OSError where none can: for a name that no file can have, as check_replaceable does."""
     try:
         check_replaceable(path, protected)

@@ -247,7 +247,7 @@ def test_a_buried_lamp_is_said(measured, load):
         39, "a light inside a box", naive="a black picture, silently", ours=f"a black picture; message: {'; '.join(said) or 'nothing'}",
         bound="a warning",
     )  # fmt: skip
-    assert said == ["this lamp is inside of an opaque solid: nothing outside is lit by it"]
+    assert said == ["this light is inside of an opaque solid: nothing outside is lit by it"]
 
 
 # --- 40: Phong's energy ------------------------------------------------------------------------------------------------------------

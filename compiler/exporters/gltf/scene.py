@@ -37,7 +37,7 @@ def export(job: ExportJob) -> Export:
 
 
 def write(scene: ir.Scene, plan: Plan, converters: Converters) -> Export:
-    """Exports `scene`, with the camera of `plan` first. Losses are in `found`."""
+    """Exports `scene`, with the camera of `plan` first. Losses are in its `diagnostics`."""
     out = Export(scene)
     out.without_links()
     without_fog(out)

@@ -39,7 +39,7 @@ def export(job: ExportJob) -> Export:
 def write(scene: ir.Scene, plan: Plan, name: str, tessellate: shells.Tessellate) -> Export:
     """Exports `scene` with the settings of `plan`. Images beside it are called `name`.0.ppm and so on.
 
-    `tessellate` gives triangles for textured shapes. Losses are in `found`.
+    `tessellate` gives triangles for textured shapes. Losses are in its `diagnostics`.
     """
     out = Export(scene)
     _check_plan(out, plan)

@@ -42,15 +42,16 @@ def export(job: ExportJob, form: Format) -> Export:
     if form.single:
         parts, moved = printable.center(parts)
         if moved is not None:
-            way = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
-            out.messages.append(f"moved by [{way}] metres: {job.ending} has too few digits for positions so far from the origin")
-    parts, crowded = printable.separate(parts, form.single)
+            offset = ", ".join(f"{x + 0.0:.9g}" for x in moved.tolist())
+            out.messages.append(f"moved by [{offset}] metres: {job.ending} has too few digits for positions so far from the origin")
+    parts, shared_edges = printable.separate(parts, form.single)
     placed = [part._replace(positions=part.positions[:, [0, 2, 1]] * [_MM, -_MM, _MM] + 0.0) for part in parts] if form.printed else parts
     out.data = form.encode(placed, out)
     out.triangles = sum(len(part.triangles) for part in parts)
     out.deviation = max(part.deviation for part in parts) + rounding(parts, form)
-    leaks = sum(part.open_edges for part in parts)
-    out.closed = f"{leaks} open edges" if leaks else f"{crowded} edges of more than two triangles" if crowded else "closed"
+    open_edges = sum(part.open_edges for part in parts)
+    crossings = f"{shared_edges} edges of more than two triangles" if shared_edges else "closed"
+    out.closed = f"{open_edges} open edges" if open_edges else crossings
     return out
 
 
@@ -59,10 +60,10 @@ def rounding(parts: Sequence[Part], form: Format) -> float:
     scale = _MM if form.printed else 1.0
     written = np.concatenate([part.positions for part in parts]) * scale
     if form.single:
-        off = np.abs(written.astype(np.float32).astype(np.float64) - written).max(initial=0.0)
+        error = np.abs(written.astype(np.float32).astype(np.float64) - written).max(initial=0.0)
     else:
-        off = 0.5 * 10.0 ** (1 - DIGITS) * np.abs(written).max(initial=0.0)
-    return 3.0**0.5 * float(off) / scale
+        error = 0.5 * 10.0 ** (1 - DIGITS) * np.abs(written).max(initial=0.0)
+    return 3.0**0.5 * float(error) / scale
 
 
 def _report_losses(out: Export, parts: Sequence[Part], ending: str, form: Format) -> None:

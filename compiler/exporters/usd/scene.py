@@ -45,7 +45,7 @@ def export(job: ExportJob) -> Export:
 
 
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
-    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in `found`."""
+    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in its `diagnostics`."""
     out = Export(scene)
     without_media(out)
     writer = _Writer(out, name, converters)

@@ -37,14 +37,14 @@ _FACES = ("XPos", "YPos", "ZPos", "XNeg", "YNeg", "ZNeg")
 _QUAD = np.array([(1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (1.0, 0.0)])
 
 
-def resolved(prim: Any, above: str) -> str:
-    """The draw mode at a prim whose parent has that of `above`."""
+def resolved_mode(prim: Any, inherited: str) -> str:
+    """The draw mode at a prim whose parent has `inherited`."""
     attribute = prim.GetAttribute("model:drawMode")
     written = str(attribute.Get()) if attribute else "inherited"
-    return written if written in (*MODES, "default") else above
+    return written if written in (*MODES, "default") else inherited
 
 
-def replaces(prim: Any, mode: str) -> bool:
+def is_replaced(prim: Any, mode: str) -> bool:
     """Whether a stand-in is drawn for a prim and its descendants: with model:applyDrawMode, and for components without it."""
     if mode == "default":
         return False
@@ -118,7 +118,7 @@ def _cards(prim: Any, bounds: F64, color: Color, materials: Materials, span: Spa
         row = geometry.row(mesh, materials.builder, span, f"{prim.GetName()} {_FACES[k]}")
         if row != NONE:
             if source not in rows:
-                rows[source] = _material(_file(prim, source, materials) if written[source] else None, color, materials, span)
+                rows[source] = _card_material(_file(prim, source, materials) if written[source] else None, color, materials, span)
             cards.append((row, rows[source]))
     return cards
 
@@ -158,7 +158,7 @@ def _file(prim: Any, face: int, materials: Materials) -> Asset | None:
     return asset(value, materials.warnings, prim) if getattr(value, "path", "") else None
 
 
-def _material(file: Asset | None, color: Color, materials: Materials, span: Span) -> int:
+def _card_material(file: Asset | None, color: Color, materials: Materials, span: Span) -> int:
     """A matt material with a picture and its opacity; of one colour where the picture cannot be read."""
     builder = materials.builder
     try:
@@ -193,7 +193,7 @@ def _cards_of_textures(prim: Any, color: Color, materials: Materials, span: Span
         mesh = PolyMesh(corners[:, :3] / corners[:, 3:], np.array([4]), np.arange(4), uvs=MeshAttribute(_QUAD))
         row = geometry.row(mesh, materials.builder, span, f"{prim.GetName()} {face}")
         if row != NONE:
-            cards.append((row, _material(file, color, materials, span)))
+            cards.append((row, _card_material(file, color, materials, span)))
     return cards
 
 

@@ -159,7 +159,7 @@ class Walk:
             try:
                 now = self._state(prim, above)
                 kind = str(prim.GetTypeName())
-                if now is not None and draw_modes.replaces(prim, now.draw_mode):
+                if now is not None and draw_modes.is_replaced(prim, now.draw_mode):
                     self._audit_once(prim, kind)
                     into.setdefault(now.purpose, []).extend(self._stand_in(prim, now))
                     continue
@@ -179,7 +179,7 @@ class Walk:
         """The traversal state of a prim; None if invisible."""
         if prim.IsPseudoRoot():
             return above
-        draw_mode = draw_modes.resolved(prim, above.draw_mode)
+        draw_mode = draw_modes.resolved_mode(prim, above.draw_mode)
         detail = levels_of_detail.override(prim, above.detail, self.opened.time)
         imageable = UsdGeom.Imageable(prim)
         if not imageable:

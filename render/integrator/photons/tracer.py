@@ -96,34 +96,34 @@ class Tracer:
         self.aims = Handle(aims)
         self.local = threading.local()  # WaveMemory of each thread
         self.effort = aims.effort
-        self.maps = 0  # made so far
-        self.so_far = 0  # photons
+        self.map_count = 0  # of all rounds so far
+        self.photon_count = 0  # of all rounds so far
         radii = aims.radius[np.isfinite(aims.radius)]
-        self.width = 0.5 * float(radii.max()) if len(radii) else 0.05 * aims.reach  # of the coarsest cells
+        self.cell_width = 0.5 * float(radii.max()) if len(radii) else 0.05 * aims.reach  # of the coarsest cells
         self.reach = float(aims.reach)
         self.scatters = isinstance(aims.inside, np.ndarray)
         self.beams = beams  # maps without any, or None
-        self.volume_width, self.collisions = 0.0, 0.0  # of the coarsest cells in media; there, of each photon
+        self.medium_cell_width, self.collisions = 0.0, 0.0  # of the coarsest cells in media; there, of each photon
 
-    def ready(self) -> None:
+    def compile_kernel(self) -> None:
         """Compile or load the kernel."""
         nothing = np.zeros(3, self.kind), Handle(WaveMemory.of(self.kind)), np.zeros((COLUMNS, PAD), np.float32)
         trace_block(self.accel, self.scene, self.frame, self.aims, Batch(0, 0, 0, 1, 1.0), *nothing)
 
-    def most(self, pixels: int) -> int:
+    def most_samples(self, pixels: int) -> int:
         """The most samples of each pixel in a round."""
         return max(2 * MAPS, int(MOST / (PER_SAMPLE * self.effort)) // max(pixels, 1))
 
-    def make(self, samples: int) -> photon_map.Maps:
+    def make_maps(self, samples: int) -> photon_map.Maps:
         """Make maps for a round of so many samples of all pixels together."""
         least = max(LEAST * min(self.effort, 1.0), FEWEST)
         each = int(np.clip(samples * PER_SAMPLE * self.effort, least, MOST)) // MAPS
-        landed, origin = self._trace(self.maps, MAPS, each, self.frame)
-        self.maps += MAPS
-        self.so_far += MAPS * each
-        return self._build(landed, each, self.so_far, origin)
+        landed, origin = self._trace(self.map_count, MAPS, each, self.frame)
+        self.map_count += MAPS
+        self.photon_count += MAPS * each
+        return self._build(landed, each, self.photon_count, origin)
 
-    def pilot(self, number: int, frame: Handle) -> photon_map.Maps:
+    def make_pilot_maps(self, number: int, frame: Handle) -> photon_map.Maps:
         """Make maps of few photons, which do not count, with the numbers of another frame."""
         each = PILOT // MAPS
         landed, origin = self._trace(FIRST_PILOT + MAPS * number, MAPS, each, frame)
@@ -133,33 +133,33 @@ class Tracer:
         """Make the coarsest cells wide enough for the disks of nearly all photons."""
         landed, _ = self._trace(FIRST_PILOT - 1, 1, int(photon_grid.FIRST), frame)
         on_surfaces = photon_volume.split(landed[0])[0] if self.scatters else landed[0]
-        self.width = photon_grid.coarsest_width(on_surfaces, self.width, WIDEST * self.reach)
+        self.cell_width = photon_grid.coarsest_width(on_surfaces, self.cell_width, WIDEST * self.reach)
 
     def _build(self, landed: list[NDArray[np.float32]], each: int, so_far: int, origin: NDArray[Any]) -> photon_map.Maps:
         if not self.scatters:
-            return photon_map.build(landed, each, so_far, self.width, origin, self.kind, self.threads)
+            return photon_map.build(landed, each, so_far, self.cell_width, origin, self.kind, self.threads)
         parts = [photon_volume.split(rows) for rows in landed]
-        maps = photon_map.build([part[0] for part in parts], each, so_far, self.width, origin, self.kind, self.threads)
+        maps = photon_map.build([part[0] for part in parts], each, so_far, self.cell_width, origin, self.kind, self.threads)
         of_media, beams = zip(*(photon_beams.split(part[1]) for part in parts), strict=True)
-        volume = photon_volume.build([*of_media], each, so_far, self.volume_width, origin, self.kind, self.threads)
+        volume = photon_volume.build([*of_media], each, so_far, self.medium_cell_width, origin, self.kind, self.threads)
         return maps._replace(volume=volume, beams=photon_beams.build([*beams], each, so_far, origin, self.beams, self.threads))
 
-    def _sound(self) -> None:
+    def _measure_media(self) -> None:
         """Measure how often photons scatter in media, and choose the width of the coarsest cells there."""
-        if self.scatters and self.volume_width == 0.0:
-            self.volume_width = self.width  # also ends this
+        if self.scatters and self.medium_cell_width == 0.0:
+            self.medium_cell_width = self.cell_width  # also ends this
             landed = photon_volume.split(self._trace(FIRST_PILOT - 2, 1, SOUNDING, self.frame)[0][0])[1]
             self.collisions = len(landed) / SOUNDING
-            self.volume_width = photon_grid.coarsest_width(landed, self.width, WIDEST * self.reach)
+            self.medium_cell_width = photon_grid.coarsest_width(landed, self.cell_width, WIDEST * self.reach)
 
     def _trace(self, first: int, count: int, each: int, frame: Handle) -> tuple[list[NDArray[np.float32]], NDArray[Any]]:
         """Trace so many photons for each of `count` maps, from number `first` on; return those to be stored, and their origin."""
-        self._sound()
+        self._measure_media()
         share = min(1.0, min(media.EACH, media.MOST_STORED / (each * count)) / max(self.collisions, 1e-9))  # of these, that is stored
         jobs = [(first + k, start, min(BLOCK, each - start)) for k in range(count) for start in range(0, each, BLOCK)]
         seed = frame.tables.options.seed
         shift = np.random.default_rng([seed & 0xFFFFFFFF, first]).random(3)  # cell edges differ from round to round
-        origin = ((shift - 0.5) * 2.0 * self.width).astype(self.kind)
+        origin = ((shift - 0.5) * 2.0 * self.cell_width).astype(self.kind)
         stored: dict[tuple[int, int], NDArray[np.float32]] = {}
 
         def draw(job: tuple[int, int, int]) -> None:

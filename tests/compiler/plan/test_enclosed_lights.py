@@ -8,7 +8,7 @@ import maquette
 import pytest
 from maquette.lang.diagnostics import Diagnostics
 
-MESSAGE = "this lamp is inside of an opaque solid: nothing outside is lit by it"
+MESSAGE = "this light is inside of an opaque solid: nothing outside is lit by it"
 AROUND = "camera(position: [0, 1, 9], look_at: [0, 0, 0])\nplane(y: -3)\n"
 POINT = "point([0.2, 0.1, 0.3], intensity: 3)\n"
 SOLIDS = {

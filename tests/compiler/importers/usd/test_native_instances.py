@@ -126,8 +126,8 @@ def test_a_collection_binds_parts_of_one_instance(tmp_path):
 
 def test_the_pieces_of_alike_instances_are_read_once(tmp_path, monkeypatch):
     visited = []
-    resolved = draw_modes.resolved
-    monkeypatch.setattr(draw_modes, "resolved", lambda prim, above: visited.append(prim) or resolved(prim, above))
+    resolved_mode = draw_modes.resolved_mode
+    monkeypatch.setattr(draw_modes, "resolved_mode", lambda prim, inherited: visited.append(prim) or resolved_mode(prim, inherited))
     text = "".join(instance(f"i{k}", k, of="Pair") for k in range(50))
     scene, messages = read(tmp_path, f'{PROP.replace("EXTRA", "")} def Xform "W" {{ {text} }}')
     assert (len(scene.names.instances), messages) == (50 * 7, [])

@@ -84,14 +84,19 @@ def participates(tables: ir.Tables) -> bool:
     return bool(tables.media.everywhere.any() or (participating(tables) & used(tables)).any())
 
 
+def bodies(tables: ir.Tables) -> np.ndarray:
+    """(materials,) bool: bodies that light enters diffusely, with a medium inside of their own."""
+    return _BODIES[tables.materials.model]
+
+
 def coated(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: bodies with a highlight."""
-    return _BODIES[tables.materials.model] & ((tables.materials.values[:, Slot.IOR, 0] != 1.0) | _textured(tables, Slot.IOR))
+    return bodies(tables) & ((tables.materials.values[:, Slot.IOR, 0] != 1.0) | _textured(tables, Slot.IOR))
 
 
 def varying_bodies(tables: ir.Tables) -> np.ndarray:
     """(materials,) bool: bodies whose colour, or the radius by which light scatters in them, has a texture; those in use."""
-    return _BODIES[tables.materials.model] & _textured(tables, Slot.AMBIENT, Slot.RADIUS) & (tables.materials.medium >= 0) & used(tables)
+    return bodies(tables) & _textured(tables, Slot.AMBIENT, Slot.RADIUS) & (tables.materials.medium >= 0) & used(tables)
 
 
 # --- inputs --------------------------------------------------------------------------------------------------------------

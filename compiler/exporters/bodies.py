@@ -16,7 +16,6 @@ from ..mesh.shells import Converters, Shell
 from ..scene.row_records import ALL_RAYS
 from . import placement
 from .export import Export
-from .media import is_clear
 from .placement import F64
 
 PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
@@ -64,7 +63,7 @@ class Bodies:
     def _body(self, i: int) -> Body | None:
         instances, geometries = self.tables.instances, self.tables.geometries
         g, matrix = int(instances.geometry[i]), placement.world(self.tables, i)
-        hidden = instances.visible[i] & ALL_RAYS != ALL_RAYS and not is_clear(self.tables, int(instances.material[i]))
+        hidden = instances.visible[i] & ALL_RAYS != ALL_RAYS and not self.out.boundaries[instances.material[i]]
         if hidden and instances.light[i] < 0:
             self.out.cannot("this shows in some rays only, and is carried for all", "instances", i)
         names, kind = self.out.scene.names.instances, ir.GeometryKind(int(geometries.kind[g]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,16 @@ class Export:
         lights = self.scene.tables.lights
         for row in np.flatnonzero((lights.receivers != EVERYTHING) | (lights.blockers != CASTERS)).tolist():
             self.cannot("`receivers` and `blockers` are not carried: the light lights every object, and each casts shadows", "lights", row)
+
+    @cached_property
+    def boundaries(self) -> np.ndarray:
+        """(materials,) bool: boundaries of a medium that light passes straight."""
+        return traits.invisible(self.scene.tables)
+
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """(materials,) bool: bodies that light enters diffusely; each reports its medium by itself."""
+        return traits.bodies(self.scene.tables)
 
     @property
     def lights(self) -> list[int]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...materials import losses
-from .. import ir
 from ..scene.row_records import MediumData, as_color
 from .export import Export
 
@@ -31,7 +30,7 @@ def without_media(out: Export) -> None:
     """Report all media but those of subsurface materials, whose own report they have, for a format that has none."""
     m = out.scene.tables.materials
     for material in np.unique(out.scene.tables.instances.material).tolist():
-        if m.medium[material] >= 0 and m.model[material] != ir.MaterialModel.SUBSURFACE:
+        if m.medium[material] >= 0 and not out.bodies[material]:
             out.cannot(losses.MEDIUM, "media", int(m.medium[material]))
     without_fog(out)
 
@@ -40,13 +39,3 @@ def without_fog(out: Export) -> None:
     """Report the fog of a scene."""
     for row in np.flatnonzero(out.scene.tables.media.everywhere).tolist():
         out.cannot(losses.FOG, "media", row)
-
-
-def is_clear(tables: ir.Tables, material: int) -> bool:
-    """Whether a material is the boundary of a medium that light passes straight: smooth, colourless glass of index 1."""
-    m, slot = tables.materials, ir.Slot
-    if m.model[material] != ir.MaterialModel.GLASS or m.medium[material] < 0:
-        return False
-    plain = m.values[material, slot.IOR, 0] == 1.0 and m.values[material, slot.ROUGHNESS, 0] == 0.0
-    textured = m.textures[material, [slot.IOR, slot.ROUGHNESS, slot.TRANSMISSION]].max() >= 0
-    return bool(plain and (m.values[material, slot.TRANSMISSION] == 1.0).all() and not textured)

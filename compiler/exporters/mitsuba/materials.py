@@ -11,7 +11,7 @@ from ... import ir
 from ...scene import scattering_albedo
 from .. import texture_values
 from ..export import Export
-from ..media import is_clear, medium_of
+from ..media import medium_of
 from ..placement import F64
 from ..surfaces import MaterialRow
 from .xml import Node, node, rgb, value
@@ -51,7 +51,7 @@ class Materials:
 
     def _medium(self, material: int) -> Node | None:
         """The medium inside of a material. Values of colours are at most 1, `scale` is their factor."""
-        inside = None if self.tables.materials.model[material] == ir.MaterialModel.SUBSURFACE else medium_of(self.out, material)
+        inside = None if self.out.bodies[material] else medium_of(self.out, material)
         if inside is None or (most := max(scattering_albedo.extinction(inside))) <= 0.0:
             return None
         relative = np.divide(scattering_albedo.extinction(inside), most)
@@ -94,7 +94,7 @@ class MitsubaRow(MaterialRow):
     def mapped_bsdf(self) -> Node:
         """The BSDF inside those of its normal and bump maps."""
         self.reports_vertex_light()
-        if is_clear(self._all.tables, self.row):
+        if self.out.boundaries[self.row]:
             return node("bsdf", "null")
         bsdf = self.module.mitsuba(self)
         if (row := self.texture(ir.Slot.NORMAL)) >= 0:

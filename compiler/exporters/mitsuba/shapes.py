@@ -13,7 +13,6 @@ from ...plan.plan import Plan
 from ...scene.row_records import ALL_RAYS
 from .. import placement, ply_file, texture_values
 from ..export import Export
-from ..media import is_clear
 from ..placement import F64
 from .materials import Look, Materials
 from .xml import Node, node, vector
@@ -39,7 +38,7 @@ class Shapes:
         instances, geometries = tables.instances, tables.geometries
         g, material = int(instances.geometry[i]), int(instances.material[i])
         look = self.materials.look(material, int(geometries.colors[g]) >= 0, i)
-        if instances.visible[i] & ALL_RAYS != ALL_RAYS and not is_clear(tables, material):
+        if instances.visible[i] & ALL_RAYS != ALL_RAYS and not self.out.boundaries[material]:
             self.out.cannot("Mitsuba shows everything to the camera, in mirrors and in shadows: this shows in some only", "instances", i)
         inside: list[Node] = [look.bsdf, *([look.medium] if look.medium is not None else [])]
         if look.emission is not None:

@@ -73,8 +73,7 @@ class Finishes:
 
     def _medium(self, material: int) -> str:
         """The `media` inside of a material. Its light is that of a lamp over 4, as ours are divided by π: scattering is, too."""
-        body = self.tables.materials.model[material] == ir.MaterialModel.SUBSURFACE
-        inside = None if body else medium_of(self.out, material)
+        inside = None if self.out.bodies[material] else medium_of(self.out, material)
         if inside is None or max(scattering_albedo.extinction(inside)) <= 0.0:
             return ""
         parts = []

@@ -98,7 +98,7 @@ def at_vertex(
     point = _surface_at_vertex(tables, Hit(zero, instance, triangle, u, v), side)
     shader = evaluate_shader(tables, point)
     scene = Scene(tables, accel, None, frame.options)
-    shading = ShadingContext(point, shader, _to_viewer(tables, frame.picture, point), None)
+    shading = ShadingContext(point, shader, _to_viewer(tables, frame.picture, point), None, None)
     everywhere, key = ops.bool_like(zero, True), ops.int_like(zero, 1)
     total = (zero, zero, zero)
     for s in range(samples):

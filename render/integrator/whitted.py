@@ -116,7 +116,8 @@ def _shade(
 ) -> tuple[Vec, Vec, Lane]:
     """(weight, light, rays on the stack) of the surfaces that a mask's lanes hit, with their secondary rays on the stack."""
     accel = scene.accel
-    shading = ShadingContext(point, evaluate_shader_inside(scene.tables, point, ray.inside), ops.negate(ray.direction), ray.inside)
+    shader = evaluate_shader_inside(scene.tables, point, ray.inside)
+    shading = ShadingContext(point, shader, ops.negate(ray.direction), ray.inside, None)
     light = direct_light.local_light(scene, shading, hit, lanes, ray.kind >= SPECULAR_RAY, sampler, ray.links)
     coverage = ray_stack.coverage_of(accel, scene, point, ray.left, sampler, stack, waiting)
     share = ops.scale(ray.weight, coverage)

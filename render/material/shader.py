@@ -67,7 +67,7 @@ def evaluate_shader(tables: Tables, surface: Surface) -> Shader:
 @helper
 def evaluate_shader_inside(tables: Tables, surface: Surface, inside: Any) -> Shader:
     """Evaluate the material of a surface, for a ray with a medium stack."""
-    return evaluate_shader_filtered(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True), inside, None)
+    return evaluate_shader_filtered(tables, surface, Uses(True, True, True, lights.has_ambient(tables), True, False), inside, None)
 
 
 @helper

@@ -94,7 +94,7 @@ def _solid_around(tables: ir.Tables, camera: int, bounds: F64, is_whole: bool) -
     around = np.asarray(((boxes[:, 0] < eye) & (boxes[:, 1] > eye) & np.isfinite(boxes).all(axis=1)).all(axis=1))
     shines = (materials.values[:, ir.Slot.EMISSION] > 0.0).any(axis=1) | (materials.textures[:, ir.Slot.EMISSION] >= 0)
     lights = np.flatnonzero(ir.is_in(tables.lights.kind, enclosed_lights.PLACED))
-    for row in enclosed_lights.opaque(tables).tolist():
+    for row in enclosed_lights.dark_inside(tables).tolist():
         if not around[row] or shines[instances.material[row]] or not instances.visible[row] & ir.Visibility.CAMERA:
             continue
         if not is_whole and tables.geometries.kind[instances.geometry[row]] in (ir.GeometryKind.MESH, ir.GeometryKind.FORMULA):

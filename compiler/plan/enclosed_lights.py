@@ -33,7 +33,7 @@ def warn_of_enclosed_lights(scene: ir.Scene, diagnostics: Diagnostics) -> None:
     frame = tables.transforms.matrix[tables.cameras.transform[0]]
     eye = frame[:, 3] - frame[:, 2] * (AHEAD * (1.0 + np.linalg.norm(frame[:, 3])))
     remaining = MOST_TRIANGLES
-    for instance in opaque(tables).tolist():
+    for instance in dark_inside(tables).tolist():
         g = int(tables.instances.geometry[instance])
         inverse = tables.transforms.inverse[tables.instances.transform[instance]]
         low, high = tables.geometries.bounds[g]
@@ -78,6 +78,12 @@ def opaque(tables: ir.Tables) -> np.ndarray:
     instances = tables.instances
     through = traits.passes_light(tables) | traits.has(tables, Lobes.PARTS)
     return np.flatnonzero((instances.visible & ir.Visibility.SHADOW != 0) & (instances.light < 0) & ~through[instances.material])
+
+
+def dark_inside(tables: ir.Tables) -> np.ndarray:
+    """Rows of opaque instances through which no light scatters, either; wax and paper glow with a lamp inside."""
+    rows = opaque(tables)
+    return rows[~traits.translucent(tables)[tables.instances.material[rows]]]
 
 
 def inside(tables: ir.Tables, g: int, points: np.ndarray) -> np.ndarray:

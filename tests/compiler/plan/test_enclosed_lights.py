@@ -47,6 +47,9 @@ def test_a_lamp_in_a_turned_and_moved_solid_is_said(tmp_path):
     [
         "sphere(1, material: glass())\n" + POINT,
         "sphere(1, material: lambert(opacity: 0.5))\n" + POINT,
+        "sphere(1, material: subsurface(#fed, radius: 5cm))\n" + POINT,
+        "box(2, material: translucent(#876, transmission: #876))\n" + POINT,
+        "sphere(1, material: openpbr(#fed, subsurface_weight: 1))\n" + POINT,
         "sphere(1)\npoint([0, 0, 0], intensity: 3, shadows: false)\n",
         "box(30)\n" + POINT,  # the camera is in the room, too
         "cylinder(1, 2, capped: false)\n" + POINT,

@@ -75,7 +75,7 @@ def shade_vertex(
     weight, divided = dispersion.divide_before(component, (faded, path.divided), tables, point, shader, surfaces)
     path = PathState(
         path.origin, path.direction, weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
-        path.body, path.leaving, divided,
+        path.body, path.leaving, divided, path.axis,
     )  # fmt: skip
     ahead = photon_volume.wall(photon_volume.of(inputs.photons), None, tables, path, point, hit.t)
     point = flights.place(event, point, path)
@@ -110,7 +110,7 @@ def shade_vertex(
     if ending:
         going = going & (scattered.density < ONLY)
     if depth >= END_FROM:
-        weight, going = _survive(event, weight, going, index)
+        weight, going = _survive(event, weight, path.weight, going, index)
     onward = _continue(tables, inputs, options.links, path, shading, lit, scattered, weight, lobe, divided)
     onward, going = flights.pass_boundary(event, (onward, going), tables, path, point, hit.t)
     return sent, connection, onward, going, Vertex(shading, scattered, gathered)
@@ -143,14 +143,14 @@ def _scatter(shading: ShadingContext, uses: Any, path: PathState, index: PathSam
     if uses.glossy or uses.sharp:
         which = numbers(index, 2)[1]
     sampled = bsdf.sample_bsdf(shading.shader, uses, shading.point, shading.viewer, u, v, which)
-    return flights.scatter(shading.event, sampled, path.direction, u, v)
+    return flights.scatter(shading.event, sampled, path.direction, u, v, numbers(index, 2)[1])
 
 
 @helper
-def _survive(event: Any, weight: Vec, going: Lane, index: PathSample) -> tuple[Vec, Lane]:
-    """(weight, whether a path goes on) after Russian roulette."""
+def _survive(event: Any, weight: Vec, before: Vec, going: Lane, index: PathSample) -> tuple[Vec, Lane]:
+    """(weight, whether a path goes on) after Russian roulette; `before` is the weight before its direction was chosen."""
     survival = ops.minimum(SPARED * ops.largest(weight), MOST_GOING)
-    survival = flights.survival(event, survival, SPARED * ops.largest(weight))
+    survival = flights.survival(event, survival, SPARED * ops.largest(weight), SPARED * ops.largest(before))
     return ops.scale(weight, 1.0 / ops.maximum(survival, lights.TINY)), going & (numbers(index, 3)[0] < survival)
 
 
@@ -193,6 +193,7 @@ def _continue(
         origin, scattered.direction, weight, density, straight, inside, phase, facing(inputs, point, shader, shading.event), bits,
         flights.at_start(shading.event, None, density), body,
         photon_volume.leaving(photon_volume.of(inputs.photons), None, point, scattered.direction, path.inside, inside), divided,
+        flights.turn(shading.event, None, path.axis, point),
     )  # fmt: skip
 
 

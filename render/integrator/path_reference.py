@@ -14,7 +14,7 @@ from ..lanes import ops
 from ..light import light_tree, links
 from ..material import dispersion, medium_stack
 from ..material.shader import ONLY
-from ..medium import emitting_cells, free_flight, tracking
+from ..medium import emitting_cells, free_flight, guides, tracking
 from ..surface import alpha as surface_alpha
 from ..surface import interaction
 from ..types import Hit, Options, Ray, Vec
@@ -44,6 +44,7 @@ def radiance(
     media = medium_stack.scattering(tables)
     if media is not None:
         path = path._replace(near=zero + ray.t_min, body=medium_stack.initial_body(tables, zero))
+        path = path._replace(axis=guides.start(media.guides, None, zero))
     depth = 0
     while True:
         onward = Ray(path.origin, path.direction, zero if path.near is None else path.near, zero + np.inf, ray.time)
@@ -106,7 +107,7 @@ def _through_media(
         far = np.maximum(np.where(hits, hit.t, distance), near)
         number = np.where(going, medium_stack.top(inside), 0)
         of_segment = tracking.depth_of_segment(index.depth, segment)
-        key = tracking.Key(index.pixel, index.sample, of_segment, index.seed, 1, connection.body, shadow.time)
+        key = tracking.Key(index.pixel, index.sample, of_segment, index.seed, 1, connection.body, shadow.time, None)
         white = tuple(np.ones(np.shape(distance)) for _ in range(3))
         share = free_flight.transmit(media, white, tables, np.where(collects, 0, number), ray.origin, ray.direction, near, far, key)
         if np.any(collects):

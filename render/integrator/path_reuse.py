@@ -88,7 +88,7 @@ def _share_vertex(
         return PathState(
             onward.origin, onward.direction, ones, onward.density, onward.straight, onward.inside, onward.phase, onward.facing,
             onward.links,
-            onward.near, onward.body, onward.leaving, onward.divided,
+            onward.near, onward.body, onward.leaving, onward.divided, onward.axis,
         )  # fmt: skip
     lanes = lanes & ops.not_(normal_map.has_map(tables, point))
     lit = ops.maximum(ops.dot(point.normal, connection.direction), 0.0)

@@ -180,7 +180,7 @@ def _pass_segment(table: Any, scene: Any, frame: Any, memory: Any, source: int, 
         collects = collecting(media, ops.bool_like(like, False), distance)
         time = sobol.sample_time(pixel, sample, frame.options.seed, frame.shutter)
         if ops.any_lane(number > 0):
-            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1, body, time)
+            of_ray = tracking.Key(pixel, sample, key, frame.options.seed, 1, body, time, None)
             ray = origin, direction, near, far
             passed = free_flight.transmit(table, white, tables, ops.where(collects, 0, number), origin, direction, near, far, of_ray)
             passed = _collect(media, passed, table, tables, memory, (number, distance, light, slot), ray, of_ray)

@@ -46,6 +46,7 @@ class WaveMemory(NamedTuple):
     body: Any  # (2 · 4 · ROW,) float: bodies of the rays, in scenes with bodies of varying colour
     shadow_body: Any  # (4 · ROW,) float: bodies of shadow rays, likewise
     divided: Any  # (2 · ROW,) float: 1 where paths have a wavelength, see PathState
+    axis: Any  # (2 · 3 · ROW,) float: see PathState, in scenes with thick bodies
     shared: Any  # path_reuse.Shared or path_reuse.Alone
 
     @classmethod
@@ -63,6 +64,7 @@ class WaveMemory(NamedTuple):
             row(ESTIMATE, kind), row(1, index_type), row(1, np.int64),
             row(4, kind), row(6, index_type), row(2, kind), row(2, kind), row(2, index_type), row(2 * 3, kind),
             row(2, index_type), row(1, index_type), row(1, index_type), row(2 * 4, kind), row(4, kind), row(2, kind),
+            row(2 * 3, kind),
             path_reuse.Shared.of(kind) if reuses else path_reuse.Alone(),
         )  # fmt: skip
 
@@ -122,6 +124,13 @@ def _load_divided(table: Any, plain: Any, memory: Any, at: int, depth: int) -> L
     return 0.0 * divided if depth == 0 else divided
 
 
+@helper
+def _load_axis(guides: Any, default: Any, memory: Any, element: int, depth: int) -> Vec:
+    axis = load3(memory.axis, element, 0, 0)
+    zero = 0.0 * axis[0]
+    return (zero, zero, zero) if depth == 0 else axis
+
+
 def load_facing(below: Any, memory: Any, element: int) -> Any:
     raise NotImplementedError
 
@@ -151,6 +160,8 @@ load_leaving = specialize_if_present(_load_leaving)
 """(volume maps, None, memory, at, depth): the cosines at the boundaries where rays entered media; FAR for camera rays."""
 load_divided = specialize_if_present(_load_divided)
 """(dispersion.Dispersion, None, memory, at, depth): 1 where paths have a wavelength; None in scenes without dispersion."""
+load_axis = specialize_if_present(_load_axis)
+"""(guides.Guides, None, memory, at, depth): the outward normals of the last surfaces of paths; 0 of camera rays."""
 load_links = specialize_if_present(_load_links)
 """(links, None, memory, at, depth): the light links of the origins of rays; None in scenes without links."""
 load_medium = specialize_if_present(_load_medium)

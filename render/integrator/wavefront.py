@@ -39,6 +39,7 @@ from .wave_memory import (
     START,
     STATE,
     STRAIGHT,
+    load_axis,
     load_body,
     load_divided,
     load_facing,
@@ -291,6 +292,7 @@ def _load_path(scene: Any, options: Any, memory: Any, source: int, i: int, depth
         load_body(medium_stack.initial_body(tables, density), None, memory.body, source * 4 * ROW + i, depth),
         load_leaving(photon_volume.of(scene.light.photons), None, memory, source * ROW + i, depth),
         load_divided(dispersion.of(tables), None, memory, source * ROW + i, depth),
+        load_axis(medium_stack.guides_of(tables), None, memory, source * 3 * ROW + i, depth),
     )  # fmt: skip
 
 
@@ -310,6 +312,7 @@ def _push_path(memory: Any, target: int, first: int, onward: PathState, item: An
     store_body(onward.body, None, memory.body, target * 4 * ROW + first, going)
     store_optional(onward.leaving, None, memory.leaving, element, going)
     store_optional(onward.divided, None, memory.divided, element, going)
+    store_optional3(onward.axis, None, memory.axis, target * 3 * ROW + first, going)
     store_optional3(onward.facing, None, memory.facing, target * 3 * ROW + first, going)
 
 

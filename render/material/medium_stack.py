@@ -21,7 +21,7 @@ from ...materials.contract import Lobes
 from ..jit.kernel import helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops, row_gather
-from ..medium import bodies, scattering_table
+from ..medium import bodies, guides, phase, scattering_table, thickness
 from ..simd.registration import overload
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
@@ -86,7 +86,26 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
     for entry in (*([1] if len(fog) else []), *(int(number[row]) for row in around)):
         outside = int(push(np.int64(outside), np.int64(entry)))
     scatter = scattering_table.build(tables, media_rows, (clear, aimed), absorbed, outside, general)
-    return record._replace(scatter=scatter._replace(bodies=_bodies(tables, number, len(media_rows), around, general)))
+    varying = _bodies(tables, number, len(media_rows), around, general)
+    led = guides.build(scatter.extinction, scatter.scattering, _thickness(tables, media_rows, number, aimed), general)
+    return record._replace(scatter=scatter._replace(bodies=varying, guides=led))
+
+
+def _thickness(tables: ir.Tables, rows: NDArray[np.int64], number: NDArray[np.int64], aimed: NDArray[np.bool_]) -> F64:
+    """(n,) thickness in metres of the media `rows` whose walks may be guided, 0 of others; see guides.py.
+
+    These scatter evenly, have one density and colour, and a boundary that light does not pass straight.
+    """
+    media, first = tables.media, np.maximum(rows, 0)
+    may = (rows >= 0) & ~aimed
+    if not may.any():
+        return np.zeros(len(rows))
+    may &= ~media.everywhere[first] & (media.density[first] < 0) & (media.draine[first, 3] == 0.0)
+    may &= (np.abs(media.anisotropy[first]) < phase.EVEN) & (media.emission[first].max(axis=1) == 0.0)
+    may[number[traits.varying_bodies(tables)]] = False
+    lengths = np.zeros(len(rows))
+    lengths[may] = thickness.of_media(tables, rows[may])
+    return lengths
 
 
 def _bodies(tables: ir.Tables, number: NDArray[np.int64], count: int, around: tuple[int, ...], general: bool) -> Any:
@@ -127,6 +146,19 @@ def _scattering_in_kernels(tables):
     if scatters(tables):
         return lambda tables: tables.materials.media.scatter
     return lambda tables: None
+
+
+def guides_of(tables: Tables) -> Any:
+    """The guides.Guides of a scene; None without thick bodies."""
+    return getattr(scattering(tables), "guides", None) or None
+
+
+@overload(guides_of)
+def _guides_in_kernels(tables):
+    record = tables.field("materials.media.scatter.guides") if scatters(tables) else None
+    if record is None or record[1] == ():
+        return lambda tables: None
+    return lambda tables: tables.materials.media.scatter.guides
 
 
 def initial_stack(tables: Tables, like: Lane) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
 from ..types import Lane, Tables, Vec
-from . import aims, bodies, column, tracking
+from . import aims, bodies, column, guides, tracking
 from .tracking import Flight
 
 FARTHEST = 80.0  # optical depth beyond which exp is 0
@@ -67,7 +67,9 @@ def _fly(
         _glow(glow_b, extinction[2], length, passed[2]),
     )  # fmt: skip
     ray = (origin, direction, near, far)
-    scattered, t, factor = _sample_distance(table, number, ray, (extinction, back), length, passed, weight, key)
+    sampled = _sample_distance(table, number, ray, (extinction, back), length, passed, weight, key)
+    u = tracking.numbers(key, 0)[0]
+    scattered, t, factor = guides.fly(key.axis, sampled, table, number, ray, (extinction, back), weight, u)
     return tracking.fly(table.fields, Flight(scattered, t, factor, emitted), tables, table, number, ray, weight, key)
 
 
@@ -125,6 +127,14 @@ def _transmit(table: Any, default: Vec, tables: Tables, number: Lane, origin: Ve
 
 
 transmit = specialize_if_present(_transmit)
+
+
+@helper
+def coefficients_of(table: Any, number: Lane) -> tuple[Vec, Vec]:
+    """(extinction, scattering) per metre of media of one colour."""
+    red, green, blue, _ = row_gather.four_at(table.extinction, number)
+    back_r, back_g, back_b, _ = row_gather.four_at(table.scattering, number)
+    return (red, green, blue), (back_r, back_g, back_b)
 
 
 @helper

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.formula import upper_bounds
 from ...compiler.formula.tape import Tape, load_tape
-from . import aims, bodies, phase_table, tracking
+from . import aims, bodies, guides, phase_table, tracking
 
 F64 = NDArray[np.float64]
 CELLS = 32  # of a grid of majorants along its longest side
@@ -41,6 +41,7 @@ class Scattering(NamedTuple):
     aims: F64  # (k, 4) places of lights, see aims.build
     fields: Any  # tracking.Fields, or NoFields
     bodies: Any  # bodies.Bodies, or NoBodies
+    guides: Any  # guides.Guides, or NoGuides
     outside: NDArray[np.int64]  # (1,) stack of camera rays
     walled: NDArray[np.bool_]  # (1,) some medium has a boundary that light passes straight
 
@@ -73,7 +74,7 @@ def build(
     return Scattering(
         **coefficients, anisotropy=anisotropy, top=top, falloff=falloff, clear=flags[0], aimed=flags[1],
         draine=phase_table.build(tables, rows, general),
-        fields=_fields(tables, rows, general), aims=aims.build(tables), bodies=bodies.none(count, general),
+        fields=_fields(tables, rows, general), aims=aims.build(tables), bodies=bodies.none(count, general), guides=guides.NoGuides(),
         outside=np.array([outside], np.int64), walled=np.array([bool(flags[0].any())]),
     )  # fmt: skip
 

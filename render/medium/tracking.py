@@ -54,6 +54,7 @@ class Key(NamedTuple):
     kind: int  # 0: of a path, 1: of a shadow ray, PHOTON
     body: Any = None  # colour, and factor of the radius, where the path entered a body; see bodies.py
     time: Any = None  # Ray.time; None in scenes without motion
+    axis: Any = None  # see PathState; None of shadow rays, of photons, and in scenes without thick bodies
 
 
 class Flight(NamedTuple):

@@ -57,7 +57,7 @@ def _start(
     around = ops.where(far, medium_stack.top(inside), 0)
     if ops.any_lane(around > 0):
         white = (zero + 1.0, zero + 1.0, zero + 1.0)
-        key = tracking.Key(number, index, DEEP - 1, seed, 1, medium_stack.initial_body(tables, zero), None)
+        key = tracking.Key(number, index, DEEP - 1, seed, 1, medium_stack.initial_body(tables, zero), None, None)
         passed = free_flight.transmit(table, white, tables, around, ray.origin, ops.negate(ray.direction), zero, zero + np.inf, key)
         power = ops.where3(around > 0, ops.mul(power, passed), power)
     return power, inside, zero
@@ -88,14 +88,14 @@ def _fly(
     fading = (number > 0) & ops.not_(scatters)
     if ops.any_lane(fading):
         white = (zero + 1.0, zero + 1.0, zero + 1.0)
-        key = tracking.Key(photon_key.pixel, photon_key.sample, DEEP + photon_key.depth, photon_key.seed, 1, photon_key.body, None)
+        key = tracking.Key(photon_key.pixel, photon_key.sample, DEEP + photon_key.depth, photon_key.seed, 1, photon_key.body, None, None)
         through = ops.where(fading, number, 0)
         passed = free_flight.transmit(table, white, tables, through, path.origin, path.direction, path.near, t, key)
         weight = ops.where3(fading, ops.mul(weight, passed), weight)
     flying = (number > 0) & scatters
     if ops.any_lane(flying):
         depth = DEEP + photon_key.depth
-        key = tracking.Key(photon_key.pixel, photon_key.sample, depth, photon_key.seed, tracking.PHOTON, photon_key.body, None)
+        key = tracking.Key(photon_key.pixel, photon_key.sample, depth, photon_key.seed, tracking.PHOTON, photon_key.body, None, None)
         still = tracking.Flight(scattered, t, (zero + 1.0, zero + 1.0, zero + 1.0), none)
         through = ops.where(flying, number, 0)
         flight = free_flight.fly(table, still, tables, through, path.origin, path.direction, path.near, t, weight, key)

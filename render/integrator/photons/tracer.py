@@ -239,7 +239,7 @@ def _scatter_stage(scene, frame, memory, source, n, depth, origin, stored, store
         active = simd.first_lanes(n - i, like)
         path, number, index = _load_photon(tables, memory, source, i, depth)
         before, counts = path.weight, active & ((path.phase & (BENT | THROWN)) != 0)
-        key = Key(number, index, depth, seed, 0, path.body, None)
+        key = Key(number, index, depth, seed, 0, path.body, None, None)
         hit, piece, hits = load_hits(memory, i, active)
         flown = media.fly(table, None, tables, path, active, counts, ops.where(hits, hit.t, np.inf), key)
         stored_count = _store_beams(
@@ -283,7 +283,7 @@ def _load_photon(tables: Tables, memory: Any, source: int, i: int, depth: int) -
     inside = load_medium(medium_stack.initial_stack(tables, zero), None, memory, element, media.stored_depth(table, depth))
     near = load_near(table, None, memory, element)
     body = load_body(medium_stack.initial_body(tables, zero), None, memory.body, source * 4 * ROW + i, depth)
-    return PathState(start, direction, power, zero, straight, inside, flags, None, None, near, body, None, None), number, index
+    return PathState(start, direction, power, zero, straight, inside, flags, None, None, near, body, None, None, None), number, index
 
 
 @helper
@@ -332,7 +332,7 @@ def _scatter(
         light.caustic_reflectance, bounce, point, shader, direction, (u, v, which), first
     )
     metal = flights.surfaces(event, metal | thrown_by_lobe)
-    scattered = flights.scatter(event, Scattered(to, weight, scattered.density, scattered.through), direction, u, v)
+    scattered = flights.scatter(event, Scattered(to, weight, scattered.density, scattered.through), direction, u, v, which)
     to, weight, sharp = scattered.direction, scattered.weight, scattered.density >= ONLY
     chance = media.chance(event, chance, power, before)
     bent = bent | (thrown & flights.or_scattered(event, bsdf.has_matt(shader)) & ops.not_(sharp))
@@ -348,7 +348,7 @@ def _scatter(
     body = medium_stack.enter_body(path.body, None, tables, point, inside, to)
     origin = interaction.offset_origin(point, to)
     near = flights.at_start(event, None, path.density)
-    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, body, None, None), going
+    return PathState(origin, to, weight, path.density, path.straight, inside, flags, None, None, near, body, None, None, None), going
 
 
 def _sample_covered_lobe(caustic_reflectance: Any, default: Any, *arguments: Any) -> Any:

@@ -12,7 +12,7 @@ from ...jit.kernel import helper, specialize_if_present
 from ...lanes import ops
 from ...material import dispersion, medium_stack
 from ...material.bsdf import Scattered
-from ...medium import bodies, free_flight, phase, phase_table, tracking
+from ...medium import bodies, free_flight, guides, phase, phase_table, tracking
 from ...types import Lane, Surface, Tables, Vec
 from .path_state import FAR, PathSample, PathState
 
@@ -37,6 +37,7 @@ class Event(NamedTuple):
     anisotropy: Lane  # g of the phase function
     draine: Any  # phase_table.Draine, or NoDraine
     number: Lane  # of the medium
+    guide: Any  # guides.Guide; None of photons, and in scenes without thick bodies
 
 
 @helper
@@ -46,7 +47,7 @@ def _fly(table: Any, default: Any, tables: Tables, path: PathState, active: Lane
     none = tracking.Flight(ops.bool_like(zero, False), t, (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero))
     if ops.not_(ops.any_lane(number > 0)):
         return Flown(path.weight, none.scattered, t, none.emitted)
-    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0, path.body, time)
+    key = tracking.Key(index.pixel, index.sample, index.depth, index.seed, 0, path.body, time, path.axis)
     flight = free_flight.fly(table, none, tables, number, path.origin, path.direction, path.near, t, path.weight, key)
     return Flown(
         ops.mul(path.weight, flight.factor), active & (number > 0) & flight.scattered, flight.t, ops.mul(path.weight, flight.emitted)
@@ -57,7 +58,7 @@ def _fly(table: Any, default: Any, tables: Tables, path: PathState, active: Lane
 def _weighted(flown: Flown, path: PathState) -> PathState:
     return PathState(
         path.origin, path.direction, flown.weight, path.density, path.straight, path.inside, path.phase, path.facing, path.links, path.near,
-        path.body, path.leaving, path.divided,
+        path.body, path.leaving, path.divided, path.axis,
     )  # fmt: skip
 
 
@@ -76,9 +77,11 @@ def _event(flown: Flown, default: Any, tables: Tables, path: PathState, point: S
     table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     inside = medium_stack.top(path.inside)
     t = ops.where(flown.scattered, flown.t, 0.0)
+    back = free_flight.coefficients_of(table.scatter, inside)[1]
     return Event(
         flown.scattered, surfaces & table.scatter.clear[point.material], ops.along(path.origin, path.direction, t),
         0.0 * path.density + table.scatter.anisotropy[inside], table.scatter.draine, inside,
+        guides.of(path.axis, None, table.scatter, inside, path.weight, back, flown.scattered),
     )  # fmt: skip
 
 
@@ -115,17 +118,19 @@ def _evaluate(event: Event, default: tuple[Vec, Lane], to_light: Vec, to_viewer:
     cosine = -ops.dot(to_light, to_viewer)
     density = phase_table.density(event.draine, phase.density(event.anisotropy, cosine), event.number, cosine)
     share = 3.141592653589793 * density
+    density = guides.density(event.guide, density, to_light)
     scattered = event.scattered
     return ops.where3(scattered, (share, share, share), default[0]), ops.where(scattered, density, default[1])
 
 
 @helper
-def _scatter(event: Event, default: Scattered, direction: Vec, u: Lane, v: Lane) -> Scattered:
+def _scatter(event: Event, default: Scattered, direction: Vec, u: Lane, v: Lane, which: Lane) -> Scattered:
     if ops.not_(ops.any_lane(event.scattered)):
         return default
     onward, density = phase.sample(event.anisotropy, direction, u, v)
     plain_phase = onward, 0.0 * density + 1.0, density
     onward, weight, density = phase_table.sample(event.draine, plain_phase, event.number, direction, u, v)
+    onward, weight, density = guides.sample(event.guide, (onward, weight, density), u, v, which)
     scattered = event.scattered
     return Scattered(
         ops.where3(scattered, onward, default.direction), ops.where3(scattered, (weight, weight, weight), default.weight),
@@ -135,8 +140,13 @@ def _scatter(event: Event, default: Scattered, direction: Vec, u: Lane, v: Lane)
 
 
 @helper
-def _survival(event: Event, default: Lane, chance: Lane) -> Lane:
-    return ops.where(event.scattered, ops.minimum(chance, 1.0), default)
+def _survival(event: Event, default: Lane, chance: Lane, before: Lane) -> Lane:
+    return ops.where(event.scattered, ops.minimum(guides.before(event.guide, chance, before), 1.0), default)
+
+
+@helper
+def _turn(event: Event, default: Any, axis: Any, point: Surface) -> Any:
+    return guides.turn(axis, None, point, event.scattered)
 
 
 @helper
@@ -176,6 +186,7 @@ def _pass_boundary(event: Event, default: tuple[PathState, Lane], tables: Tables
         choose_links(path.links, onward.links, passes), ops.where(passes, behind(point, path.direction, t), onward.near),
         bodies.choose(path.body, onward.body, passes), _leave(onward.leaving, None, point, path, inside, passes),
         dispersion.keep(onward.divided, None, path.divided, passes),
+        guides.choose(path.axis, onward.axis, passes),
     )  # fmt: skip
     return passed, default[1] | (passes & (ops.largest(path.weight) > 0.0))
 
@@ -216,8 +227,9 @@ surfaces = specialize_if_present(_surfaces)  # (event, vertices) → those that 
 place = specialize_if_present(_place)  # (event, point, path) → points with those in media
 or_scattered = specialize_if_present(_or_scattered)  # (event, condition) → the condition, or that it is in a medium
 evaluate = specialize_if_present(_evaluate)  # (event, (share, density), to light, to viewer) → with those of the phase function
-scatter = specialize_if_present(_scatter)  # (event, Scattered, direction, u, v) → with samples of the phase function
-survival = specialize_if_present(_survival)  # (event, probability to go on, the same without a limit) → with that in media
+scatter = specialize_if_present(_scatter)  # (event, Scattered, direction, u, v, which) → with samples of the phase function
+survival = specialize_if_present(_survival)  # (event, probability to go on, the same without a limit, of guided walks) → with that in media
+turn = specialize_if_present(_turn)  # (event, None, axis, point) → the axis of rays from a vertex, see PathState
 at_start = specialize_if_present(_at_start)  # (event, None, like) → 0: where rays from a vertex begin
 carried = specialize_if_present(_carried)  # (event, None, stack) → the stack, for shadow rays
 untested = specialize_if_present(_untested)  # (event, -1, distance) → distance below 0 of rays without a shadow test, which media attenuate

@@ -48,6 +48,7 @@ class PathState(NamedTuple):
     body: Any = None  # colour, and factor of the radius, where it entered a body; None in scenes without bodies of varying colour
     leaving: Any = None  # cosine at the boundary of the medium where it began, see photon_volume; None without photons in media
     divided: Any = None  # 1 where it has a wavelength, else 0, see material/dispersion.py; None in scenes without dispersion
+    axis: Any = None  # outward normal of its last surface; None in scenes without thick bodies, see guides.py
 
 
 class PathSample(NamedTuple):

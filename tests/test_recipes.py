@@ -59,7 +59,9 @@ ratio = picture("a.exr")["rgba"][3, 4, 0] / picture("b.exr")["rgba"][3, 4, 0]
 assert abs(ratio - 1 / 8) < 1e-3, ratio
 assert abs(picture("a.exr")["albedo"][3, 4, 0] - 0.8) < 1e-3
 import numpy as np
-from maquette.materials import lommel_seeliger as lobe
+from maquette.compiler.load import load
+from maquette.materials import lommel_seeliger as lobe, traits
+assert abs(traits.albedo(load("a.scene").tables).max() - 0.8) < 1e-9
 rng = np.random.default_rng(1)
 n, out, (u, v) = tuple(np.eye(3)[2][:, None] + np.zeros((3, 200000))), (0.6, 0.0, 0.8), rng.random((2, 200000))
 out = tuple(np.full(200000, x) for x in out)

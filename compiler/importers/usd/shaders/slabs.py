@@ -354,6 +354,8 @@ class Rows:
             for name, (slot, default, most, _) in openpbr.NUMBERS.items()
         }
         slots |= {slot: self.reader.color(inputs[name], (grey, grey, grey)) for name, (slot, grey, _) in openpbr.COLORS.items()}
+        if max(slots[Slot.SPECULAR].value) > 1.0:
+            self.tell("a specular colour above 1 counts as 1")
         if "emission" in inputs:
             slots[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
         if inputs[_THIN]:

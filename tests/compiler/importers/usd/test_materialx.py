@@ -76,6 +76,12 @@ def test_other_inputs_are_named(tmp_path):
     assert sorted(messages) == expected
 
 
+def test_tints_above_one_are_named(tmp_path):
+    kind = "ND_open_pbr_surface_surfaceshader"
+    for red, said in ((1.0, []), (1.2, ["x.usda</thing>: warning: a specular colour above 1 counts as 1"])):
+        assert drawn(tmp_path, f"color3f inputs:specular_color = ({red}, 1, 1)", kind)[1] == said
+
+
 MAPS = """
     def Shader "{name}" {{ uniform token info:id = "ND_normalmap"
         vector3f inputs:in.connect = </m/{name}i.outputs:out>

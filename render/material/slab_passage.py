@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..jit.kernel import helper
+from ..jit.kernel import helper, make_replace
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import anisotropic_facets, energy_compensation, rough_dielectric
@@ -38,10 +38,14 @@ class Passage(NamedTuple):
     rough: rough_dielectric.RoughGlass  # the boundary, for light of further bounces
 
 
+_of_alpha = make_replace(rough_dielectric.RoughGlass, "alpha")
+
+
 @helper
-def lost_share(passage: Passage, table: energy_compensation.Albedo, cosine: Lane, other: Lane) -> Lane:
-    """The share of light that a single bounce loses at a cosine of this side, or of the other."""
-    rough = passage.rough
+def lost_share(passage: Passage, table: energy_compensation.Albedo, facets: Facets, normal: Vec, direction: Vec, other: Lane) -> Lane:
+    """The share of light that a single bounce loses in a direction of this side, or of the other."""
+    cosine = ops.clip(ops.absolute(ops.dot(normal, direction)), LEAST, 1.0)
+    rough = _of_alpha(passage.rough, ops.minimum(anisotropic_facets.alpha_seen(facets, normal, direction), 1.0))
     glass = rough_dielectric.lost_share(rough, ops.where(other, rough.other, rough.row), cosine)
     wall = 1.0 - energy_compensation.directional_albedo(table, cosine, rough.alpha)[0]
     return ops.where(passage.straight, wall, glass)

@@ -245,21 +245,17 @@ _blurred = specialize_if_present(_passing_from_inside)  # passage, share that pa
 
 @helper
 def _passage_chances(
-    passage: Passage, plain: tuple[Lane, Lane, Lane], slabs: Slabs, past: Lane, below: Lane, cosine: Lane
+    passage: Passage, plain: tuple[Lane, Lane, Lane], slabs: Slabs, past: Lane, below: Lane, normal: Vec, to_viewer: Vec
 ) -> tuple[Lane, Lane, Lane]:
     tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, slabs.table)[2]
-    lost = below * passage.share * _lost_share(passage, slabs, cosine, ops.bool_like(cosine, False))
+    lost = slab_passage.lost_share(passage, slabs.table, slabs.facets, normal, to_viewer, ops.bool_like(past, False))
+    lost = lost * below * passage.share
     through = ops.maximum(past * passage.share - lost, 0.05 * past * passage.share)
     return through * tint, lost * (1.0 - sides + sides * tint), past * passage.diffuse * ops.mean3(passage.diffuse_tint)
 
 
 _passing_chances = specialize_if_present(_passage_chances)
-"""passage, zeros, slabs, what gets past the boundary, what arrives there, the viewer's cosine: (through, spread, body)."""
-
-
-@helper
-def _lost_share(passage: Passage, slabs: Slabs, cosine: Lane, other: Lane) -> Lane:
-    return slab_passage.lost_share(passage, slabs.table, cosine, other) * (1.0 - UNEVEN[0] * _unevenness(slabs.facets))
+"""passage, zeros, slabs, what gets past the boundary, what arrives there, normal, viewer: (through, spread, body)."""
 
 
 @helper
@@ -276,7 +272,7 @@ def chances(slabs: Slabs, normal: Vec, to_viewer: Vec) -> tuple[Chances, Seen]:
     past = below * (1.0 - slabs.metal) * passes
     matt, again = _opaque(slabs.passage, 0.0 * cosine + 1.0) * past * ops.mean3(slabs.color), share * out.lost * ops.mean3(slabs.color)
     dielectric, none = below * (1.0 - slabs.metal), (0.0 * cosine, 0.0 * cosine, 0.0 * cosine)
-    through, spread, body = _passing_chances(slabs.passage, none, slabs, past, dielectric, cosine)
+    through, spread, body = _passing_chances(slabs.passage, none, slabs, past, dielectric, normal, to_viewer)
     fuzzy = fibres * ops.mean3(slabs.fuzz_color)
     return Chances(under * out.coat, below * shine, below * again, through, spread, fuzzy, matt, body), out
 
@@ -368,8 +364,10 @@ def _other_side(
     body = slab_film.past(out.passes, ops.mul(ops.scale(passage.diffuse_tint, passage.diffuse * gets * cosine), below), out.passes)
     lit = cosine <= 0.0
     mean, mean_other, sides = slab_passage.mean_lost_shares(passage, slabs.table)
-    cos_out, cos_in = ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0), ops.clip(ops.absolute(ops.dot(normal, to_light)), LEAST, 1.0)
-    lost = _lost_share(passage, slabs, cos_out, ops.bool_like(cos_out, False)) * _lost_share(passage, slabs, cos_in, ops.not_(lit))
+    cos_in, table = ops.clip(ops.absolute(ops.dot(normal, to_light)), LEAST, 1.0), slabs.table
+    lost = slab_passage.lost_share(passage, table, slabs.facets, normal, to_viewer, ops.bool_like(cos_in, False))
+    lost = lost * slab_passage.lost_share(passage, table, slabs.facets, normal, to_light, ops.not_(lit))
+    lost = lost * (1.0 - UNEVEN[0] * _unevenness(slabs.facets))
     side = ops.where(lit, 1.0 - sides, sides)
     again = passage.share * cos_in * lost * side / ops.maximum(ops.where(lit, mean, mean_other), LEAST)
     least = under * (1.0 - slabs.metal) * (1.0 - ops.maximum(out.coat, into.coat))
@@ -419,7 +417,7 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
     leaves = spread & _goes_through(slabs.passage, sinks, slabs.table, past, chance.spread)
     matt = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), ops.where(sinks | leaves, -height, height))
     if ops.any_lane(slabs.fuzz > 0.0):
-        matt = ops.where3(past < chance.fuzz, fuzz.sample(slabs.fuzz_roughness, normal, to_viewer, u, v), matt)
+        matt = ops.where3((past < chance.fuzz) & ops.not_(spread), fuzz.sample(slabs.fuzz_roughness, normal, to_viewer, u, v), matt)
     direction = ops.where3((past >= 0.0) | spread, matt, direction)
     meant = sinks | (passing & (past < 0.0) & ops.not_(spread)) | leaves
     return direction, (ops.dot(direction, outer) < 0.0) == meant

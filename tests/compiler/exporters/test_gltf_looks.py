@@ -115,3 +115,10 @@ def texture_mean(scene, slot):
     color = texel[:3] if channel < 0 else np.repeat(texel[channel], 3)
     value = t.materials.values[row, slot] if slot in ir.COLOR_SLOTS else np.repeat(t.materials.values[row, slot, 0], 3)
     return value * (t.textures.gain[texture] * color + t.textures.bias[texture])
+
+
+def test_flakes_are_carried_as_the_roughness_of_all(tmp_path):
+    """From far, flakes are facets of α² = r⁴ + t⁴; single ones are reported."""
+    _, back, said = converted(tmp_path, "openpbr(#c09040, base_metalness: 1, specular_roughness: 0.3, normal_map: flakes(1mm, tilt: 0.4))")
+    assert numbers(back, Slot.ROUGHNESS)[0] == pytest.approx((0.3**4 + 0.4**4) ** 0.25, abs=1e-6)
+    assert "single flakes are not carried" in said

@@ -396,6 +396,36 @@ def pavilion() -> str:
     return STAGE.format(looks=looks, columns=columns)
 
 
+VASE = """#usda 1.0
+( defaultPrim = "Vase"; metersPerUnit = 1; upAxis = "Y" )
+def Xform "Vase" {{
+    def Mesh "Body" ( prepend apiSchemas = ["MaterialBindingAPI"] ) {{
+        uniform token subdivisionScheme = "none"
+        point3f[] points = [{points}]
+        normal3f[] normals = [{normals}] ( interpolation = "vertex" )
+        int[] faceVertexCounts = [{counts}]
+        int[] faceVertexIndices = [{indices}]
+        rel material:binding = </Vase/Looks/Materials/Patina>
+    }}
+    def Scope "Looks" ( references = @patina.mtlx@</MaterialX> ) {{}}
+}}
+"""
+
+
+def vase() -> str:
+    """A vase, turned on a lathe, with a material of patina.mtlx."""
+    outline = [(0.41, 0), (0.43, 0.03), (0.24, 0.16), (0.2, 0.26), (0.5, 0.6), (0.63, 0.95), (0.5, 1.27), (0.27, 1.42), (0.26, 1.52),
+               (0.36, 1.62), (0.34, 1.635), (0.22, 1.52), (0.24, 1.4), (0.4, 1.25)]  # fmt: skip
+    obj = Obj("")
+    obj.lathe(profile_of(outline, 3), 36)
+    rows: dict[str, list[str]] = {"v": [], "vn": [], "f": []}
+    for kind, *parts in (line.split() for line in obj.lines if line[:1] in "vf"):
+        rows[kind].append(", ".join(str(int(p.split("/")[0]) - 1) if kind == "f" else f"{float(p):.3g}" for p in parts))
+    places, normals = (", ".join(f"({row})" for row in rows[kind]) for kind in ("v", "vn"))
+    counts = ", ".join(["4"] * len(rows["f"]))
+    return VASE.format(points=places, normals=normals, counts=counts, indices=", ".join(rows["f"]))
+
+
 def main() -> None:
     ASSETS.mkdir(exist_ok=True)
     np.save(ASSETS / "smoke.npy", smoke())
@@ -404,6 +434,7 @@ def main() -> None:
     write_png(ASSETS / "studs.png", studs())
     pawn().write(ASSETS / "pawn.obj")
     knot().write(ASSETS / "knot.obj")
+    (ASSETS / "vase.usda").write_text(vase())
     obj, materials = lighthouse()
     obj.write(HERE / "lighthouse.obj")
     (HERE / "lighthouse.mtl").write_text(materials)

@@ -25,6 +25,10 @@ SHADOWS = (
 )
 FALLOFF = Arg("falloff", "falloff", None, "attenuation with distance; default 1/d²", keyword=True)
 
+PROFILE = Arg(
+    "profile", "string", None,
+    "picture, latitude by longitude, of a factor of its light by direction in its frame, as of an IES file", keyword=True,
+)  # fmt: skip
 INTENSITY = Arg(
     "intensity", "intensity", 9 * math.pi, "candela; by default white at a distance of 3 m renders as 1", minimum=0.0, keyword=True
 )

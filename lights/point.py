@@ -8,13 +8,21 @@ from typing import Any
 
 from ..compiler import ir
 from ..lang.schema.argument_types import REQUIRED, Arg
-from .arguments import FALLOFF, INTENSITY, light_entry
+from .arguments import FALLOFF, INTENSITY, PROFILE, light_entry
 from .contract import Element, ExportedLight, Form, GltfLight, Lowering, MitsubaLight, PovrayLight, Row, Text, UsdLight
 
 
-def _lower(args: Mapping[str, Any], lowering: Lowering) -> Row:
+def _lower(args: Mapping[str, Any], lowering: Lowering) -> Row | None:
     intensity = args["intensity"] if args["flux"] is None else args["flux"] / (4 * math.pi)
-    return Row(KIND, intensity, position=lowering.point(args["position"]))
+    position = lowering.point(args["position"])
+    if args["profile"] is None:
+        if args["rotate"] is not None:
+            lowering.error("`rotate` turns a `profile`, and this light has none", "leave it out")
+        return Row(KIND, intensity, position=position)
+    image = lowering.image_file(args["profile"])
+    frame, _, _ = lowering.rigid(lowering.block if args["rotate"] is None else lowering.block @ lowering.rotation(args["rotate"]))
+    frame[:3, 3] = position
+    return Row(KIND, intensity, position=position, frame=frame, image=image) if image >= 0 else None
 
 
 KIND = ir.LightKind.POINT
@@ -27,6 +35,8 @@ ELEMENTS = (
             INTENSITY,
             Arg("flux", "flux", None, "total lumen", minimum=0.0, keyword=True),
             FALLOFF,
+            PROFILE,
+            Arg("rotate", "rotation", None, "rotation of its `profile`", keyword=True),
             exclusive=(("intensity", "flux"),),
             example="point([2, 3, 1], intensity: 40cd)",
         ),

@@ -33,6 +33,10 @@ SURFACE = (
     Arg("bump_map", "texture", None, "perturbs its normals as a height field does", keyword=True),
     Arg("bump_height", "length", None, "height where the bump map is 1; default 1 cm", keyword=True),
 )  # fmt: skip
+EMISSION = (
+    Arg("emission", "color_map", (0.0, 0.0, 0.0), "emitted colour", keyword=True),
+    Arg("luminance", "luminance", 1.0, "nit where `emission` is 1", aliases=("radiance",), minimum=0.0, keyword=True),
+)
 
 
 def roughness(default: float) -> Arg:

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.scene.metallic_roughness import ALL, NOTHING
-from ..compiler.scene.row_records import Input, MaterialData
+from ..compiler.scene.row_records import Input, MaterialData, scale_color
 from ..lang.schema.argument_types import Arg, Entry
 from . import losses
-from .arguments import SHADING, SURFACE
+from .arguments import EMISSION, SHADING, SURFACE
 from .contract import Arguments, Element, Exported, Finish, MitsubaRow, PovrayRow, Row, SurfaceRow
 
 SLOTS = (
@@ -20,6 +20,14 @@ SLOTS = (
 )  # fmt: skip
 NO_HIGHLIGHT = Input.number(1.0)  # index of refraction without a reflectance
 _GREY = 1e-9
+
+
+def emitted(arguments: Arguments) -> dict[ir.Slot, Input]:
+    """The input of what a surface emits; none of a dark one."""
+    color = arguments.color("emission")
+    if color.texture < 0 and max(color.value) <= 0.0:
+        return {}
+    return {ir.Slot.EMISSION: Input(scale_color(color.value, arguments.args["luminance"]), color.texture)}
 
 
 def element(name: str, lobe: str, model: ir.MaterialModel) -> Element:
@@ -35,6 +43,7 @@ def element(name: str, lobe: str, model: ir.MaterialModel) -> Element:
             ir.Slot.REFLECTION: arguments.color("reflection"),
             ir.Slot.TRANSMISSION: arguments.color("transmission"),
             ir.Slot.IOR: arguments.number("ior"),
+            **emitted(arguments),
         }
         return MaterialData(model, inputs, arguments.shading, arguments.args["normalized"])
 
@@ -51,6 +60,7 @@ def element(name: str, lobe: str, model: ir.MaterialModel) -> Element:
             Arg("transmission", "color_map", (0.0, 0.0, 0.0), "refraction coefficient k_t", aliases=("k_t",), keyword=True),
             Arg("ior", "number_map", 1.5, "index of refraction for k_t", above=0.0, keyword=True),
             Arg("normalized", "bool", False, "scales the lobe so that it conserves energy", keyword=True),
+            *EMISSION,
             *SURFACE,
             SHADING,
         ),

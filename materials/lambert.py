@@ -6,7 +6,7 @@ from ..compiler import ir
 from ..compiler.scene.row_records import MaterialData
 from ..lang.schema.argument_types import Arg, Entry
 from . import classic
-from .arguments import SHADING, SURFACE
+from .arguments import EMISSION, SHADING, SURFACE
 from .classic import mitsuba, povray, surface
 from .contract import Arguments, Element, Lobes
 
@@ -17,7 +17,7 @@ MODEL = ir.MaterialModel.LAMBERT
 
 def _lower(arguments: Arguments) -> MaterialData:
     diffuse = arguments.color("color")
-    return MaterialData(MODEL, {ir.Slot.AMBIENT: diffuse, ir.Slot.DIFFUSE: diffuse}, arguments.shading)
+    return MaterialData(MODEL, {ir.Slot.AMBIENT: diffuse, ir.Slot.DIFFUSE: diffuse, **classic.emitted(arguments)}, arguments.shading)
 
 
 ELEMENTS = (
@@ -26,7 +26,7 @@ ELEMENTS = (
             "lambert",
             "material",
             "matt: L = ρE/π",
-            (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), *SURFACE, SHADING),
+            (Arg("color", "color_map", (0.8, 0.8, 0.8), "albedo ρ"), *EMISSION, *SURFACE, SHADING),
             example="lambert(#c9c4bb)",
         ),
         _lower,

@@ -53,6 +53,7 @@ MAY_IMPORT = {
     "compiler.importers.usd": "compiler.importers.usd.shaders compiler.importers.usd.pictures compiler.importers.usd.layers",
     "compiler.lower": "compiler.fillets compiler.plan compiler.importers.usd",
     "compiler.exporters": "compiler.mesh compiler.plan",
+    "compiler.exporters.language": "compiler.exporters compiler.importers compiler.catalogue",
     "compiler.exporters.triangles": "compiler.exporters",
     "compiler.exporters.gltf": "compiler.exporters",
     "compiler.exporters.mitsuba": "compiler.exporters",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...compiler.exporters import writers
+from ...compiler.io.replace_file import check_new_folder
 from ...lang.diagnostics import Diagnostic
 from .. import common_options as shared
 from .. import option_types as options
@@ -67,14 +68,17 @@ def command(
     from ...compiler.exporters.export import ExportError
     from ...compiler.exporters.export_job import ExportJob
 
-    job = ExportJob(compiled, output, deviation, lambda: jobs.make_plan(compiled, settings, overrides), _renderer)
+    job = ExportJob(compiled, output, deviation, lambda: jobs.make_plan(compiled, settings, overrides), _renderer, settings)
     try:
         exported = writers.export(writer, job)
     except ExportError as failure:
         terminal.report(failure.out.diagnostics)
         raise click.ClickException(str(failure)) from None
+    for folder in exported.folders:
+        check_new_folder(output.parent / folder)
     for name in exported.files:
-        jobs.check_folder(output.with_name(name), map(Path, compiled.files))
+        if (output.parent / name).parent.is_dir():
+            jobs.check_folder(output.parent / name, map(Path, compiled.files))
     exported.save(output)
     terminal.report(exported.diagnostics)
     for message in exported.messages:

@@ -13,7 +13,7 @@ from ...lang.diagnostics import Diagnostic
 from ...materials import traits
 from ...shapes import SHAPES
 from .. import ir
-from ..io.replace_file import replace_file
+from ..io.replace_file import make_folder, replace_file
 from ..ir.light_links import CASTERS, EVERYTHING
 
 
@@ -95,12 +95,19 @@ class Export:
 
     def save(self, path: Path) -> None:
         """Write the main file to `path` and the other files beside it. Raises OSError."""
+        for folder in self.folders:
+            make_folder(path.parent / folder)
         for name, data in self.files.items():
             replace_file(path.parent / name, data)
         if self.write is not None:
             self.write(path)
         else:
             replace_file(path, self.data or self.text.encode())
+
+    @property
+    def folders(self) -> list[str]:
+        """The folders beside the main file that hold other files."""
+        return list(dict.fromkeys(name.partition("/")[0] for name in self.files if "/" in name))
 
     @property
     def lost(self) -> list[str]:

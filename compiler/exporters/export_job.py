@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -32,6 +32,7 @@ class ExportJob:
     deviation: float | None
     make_plan: Callable[[], Plan]
     load_renderer: Callable[[], RendererFunctions]
+    settings: ir.Settings = field(default_factory=ir.Settings)  # those of the command, which precede the scene's
 
     @property
     def stem(self) -> str:

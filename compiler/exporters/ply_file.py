@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-_TYPES = {"<f4": "float", "|u1": "uchar"}
+_TYPES = {"<f4": "float", "<f8": "double", "|u1": "uchar"}
 
 
 def encode(columns: Mapping[str, NDArray[np.generic]], triangles: NDArray[np.integer]) -> bytes:
-    """A file with these properties of vertices, (n,) float32 or uint8 each, and triangles (m, 3)."""
+    """A file with these properties of vertices, (n,) float32, float64 or uint8 each, and triangles (m, 3)."""
     count = len(next(iter(columns.values())))
     vertices = np.empty(count, np.dtype([(name, values.dtype.newbyteorder("<")) for name, values in columns.items()]))
     for name, values in columns.items():

@@ -42,6 +42,10 @@ WRITERS = (
         "saved IR", {".npz": "a saved IR"}, "saved", "everything, for maquette itself", "everything", "everything", False, False,
         "a saved IR has no render plan: give options of the picture to `maquette render OUT.npz`",
     ),
+    Writer(
+        "the language", {".scene": "readable source"}, "language.scene", "shapes as they are, meshes beside it, others as triangles",
+        "everything but patterns of other programs", "everything but motion",
+    ),
     Writer("Mitsuba 3", {".xml": "Mitsuba 3"}, "mitsuba.scene", *_OWN, deviation=False),
     Writer("POV-Ray 3.7", {".pov": "POV-Ray 3.7"}, "povray.scene", *_OWN, deviation=False),
     Writer(

@@ -130,6 +130,15 @@ def check_replaceable(path: Path, inputs: Iterable[Path] = ()) -> None:
         raise OSError(f"{name} would replace {as_utf8(str(read))}, which is read: choose another name")
 
 
+def check_new_folder(folder: Path) -> None:
+    """Raise OSError with a full sentence if no folder can be at a path: a link or a file stands there."""
+    name = as_utf8(str(folder))
+    if folder.is_symlink():
+        raise OSError(f"{name} is a link, and nothing is written through links: remove it, or choose another name")
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(f"{name} is a file, and a folder of this name is needed: remove it, or choose another name")
+
+
 def make_folder(folder: Path, base: Path | None = None) -> None:
     """Make a folder for new files, and those above it. Raises OSError for links among the folders below `base`, by default its parent.
 

@@ -78,7 +78,7 @@ def _add(lowering: Context, element: Element, row: Row) -> None:
     r, g, b = (c * row.strength * tint for c, tint in zip(color, row.tint, strict=True))
     kind = LIGHTS[row.kind]
     if row.kind in SURFACES and kind.profile is None and row.frame is not None:
-        add_area_light(lowering, element, row.kind, row.frame, row.size, (r, g, b))
+        add_area_light(lowering, element, row.kind, row.frame, row.size, (r, g, b), row.image)
         return
     builder = lowering.builder
     transform = {} if row.frame is None else {"transform": builder.transform(row.frame, element.place)}
@@ -118,16 +118,21 @@ def _falloff(element: Element) -> dict[str, Any]:
 
 
 def add_area_light(
-    lowering: Context, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color
-) -> None:
-    """Add an area light and its visible instance. A light without shadows blocks no light; others: plan/light_shapes.py."""
+    lowering: Context, element: Element, kind: ir.LightKind, frame: np.ndarray, size: tuple[float, float], radiance: Color, image: int = -1
+) -> None:  # fmt: skip
+    """Add an area light and, if it is visible, its instance; `image` is that of its profile.
+
+    A light without shadows blocks no light; others: plan/light_shapes.py.
+    """
     builder = lowering.builder
     flat = ir.GeometryKind.RECTANGLE if kind in RECTANGLES else ir.GeometryKind.DISK
     shape = flat if kind in RECTANGLES + DISKS else ir.GeometryKind.SPHERE
     transform = builder.transform(frame, element.place)
     name = element.args["name"] or element.scope or element.kind
-    data = LightData(kind, radiance, transform=transform, size=size, **{**_common(lowering, element), "name": name})
+    data = LightData(kind, radiance, transform=transform, size=size, image=image, **{**_common(lowering, element), "name": name})
     row = builder.light(data, element.place)
+    if not element.args.get("visible", True):
+        return
     geometry = builder.geometry(shape, size if kind in RECTANGLES else size[:1], element.place)
     material = builder.material(MaterialData(ir.MaterialModel.EMISSIVE, {ir.Slot.EMISSION: Input(radiance)}), element.place)
     visible = ALL_RAYS if data.shadows else NO_SHADOW

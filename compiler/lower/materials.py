@@ -143,8 +143,9 @@ class Materials:
         if key not in self._rows:
             data = self._texture(element, color, directions)
             if data is not None and directions:
-                data = replace(data, gain=scale_color(WHITE, 2.0), bias=scale_color(WHITE, -1.0))
-            if data is not None and alpha and self._lowering.builder.has_holes(data.image):
+                r, g, b = scale_color(data.bias, 2.0)
+                data = replace(data, gain=scale_color(data.gain, 2.0), bias=(r - 1.0, g - 1.0, b - 1.0))
+            if data is not None and alpha and element.args["channel"] is None and self._lowering.builder.has_holes(data.image):
                 data = replace(data, channel=3)
             self._rows[key] = -1 if data is None else self._lowering.builder.texture(data, element.place)
         return self._rows[key]
@@ -159,9 +160,11 @@ class Materials:
         common: dict[str, Any] = {"mapping": _MAPPINGS[args["mapping"]], "frame": _frame(args), "channel": -1 if color else 0}
         if element.kind == "image":
             row = self.image(element, args["file"], args["space"], color and not data)
-            wrap = _WRAPS[args["wrap"]]
-            nearest = args["filter"] == "nearest"
-            return None if row < 0 else TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap, wrap_v=wrap, nearest=nearest, **common)
+            if args["channel"] is not None:
+                common["channel"] = "rgba".index(args["channel"])
+            wrap, wrap_v = _WRAPS[args["wrap"]], _WRAPS[args["wrap_v"] or args["wrap"]]
+            more = {"nearest": args["filter"] == "nearest", "gain": args["gain"], "bias": args["bias"], **common}
+            return None if row < 0 else TextureData(ir.TextureKind.IMAGE, row, wrap_u=wrap, wrap_v=wrap_v, **more)
         kind = ir.TextureKind.CHECKER if element.kind == "checker" else ir.TextureKind.STRIPES
         return TextureData(kind, size=args["size"] or 0.0, color_a=args["a"], color_b=args["b"], **common)
 

@@ -138,6 +138,8 @@ def _mesh(lowering: Context, element: Element) -> list[Piece]:
     else:
         pieces = lowering.mesh_file(element)
     pieces = _with_materials(lowering, element, [piece for piece in pieces if piece.geometry >= 0])
+    if args["single_sided"]:
+        lowering.builder.single_sided.update(piece.geometry for piece in pieces)
     return _to_height(lowering, element, pieces) if pieces and args["height"] is not None else pieces
 
 

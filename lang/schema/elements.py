@@ -21,6 +21,7 @@ _TEXTURE = (
     Arg("scale", "numbers2", (1.0, 1.0), "number of repetitions over u and v", keyword=True),
     Arg("offset", "numbers2", (0.0, 0.0), "offset in u and v", keyword=True),
 )
+_WRAPS = ("repeat", "clamp", "mirror", "black")
 _SPACE = (
     "colour space of its values: srgb, linear, rec2020, acescg, raw, or a name of OpenUSD, MaterialX or the --ocio configuration; "
     "auto: sRGB for integers that are colours; linear for floats, of the file's chromaticities, and for numbers"
@@ -38,10 +39,18 @@ TEXTURES = (
         "an image file",
         (
             Arg("file", "string", REQUIRED, "file of the image, relative to the scene"),
-            Arg("wrap", "choice", "repeat", "lookup outside of the image", choices=("repeat", "clamp", "mirror", "black"), keyword=True),
+            Arg("wrap", "choice", "repeat", "lookup outside of the image", choices=_WRAPS, keyword=True),
             Arg("filter", "choice", "linear", "interpolation between its pixels", choices=("linear", "nearest"), keyword=True),
             Arg("space", "string", "auto", _SPACE, keyword=True),
             *_TEXTURE,
+            Arg("angle", "angle", 0.0, "rotation of the picture", keyword=True),
+            Arg("wrap_v", "choice", None, "`wrap` along v; default: that along u", choices=_WRAPS, keyword=True),
+            Arg(
+                "channel", "choice", None, "one channel in place of all; default: all of a colour, r of a number", choices=tuple("rgba"),
+                keyword=True,
+            ),
+            Arg("gain", "color", (1.0, 1.0, 1.0), "factor of its values; a number or a colour", keyword=True),
+            Arg("bias", "color", (0.0, 0.0, 0.0), "added to its values, after `gain`", keyword=True),
         ),
     ),
     Entry("checker", "texture", "a chessboard of two colours", (*_COLORS, *_TEXTURE), example="checker(#eeeeee, #888888, size: 50cm)"),

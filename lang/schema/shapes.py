@@ -92,6 +92,7 @@ SHAPES = (
             choices=file_types.AXES, keyword=True,
         ),
         Arg("repair", "bool", False, "merge vertices of the file, wind its faces one way and outwards, fill its holes", keyword=True),
+        Arg("single_sided", "bool", False, "whether a camera does not see its faces from behind, as those of glTF files", keyword=True),
         exclusive=(("file", "points"),),
         example='mesh("bunny.obj", height: 35cm)',
     ),

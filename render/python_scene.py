@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
+import tempfile
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, ClassVar
 
 from ..compiler import ir
@@ -63,7 +67,42 @@ class Scene(ir.Scene):
         """Draw the scene and open the picture in the desktop's viewer. A notebook shows `scene.render()`; see maquette.show, too."""
         self.render(**settings).show()
 
+    def to_usd(
+        self, folder: str | Path | None = None, *, deviation: float | None = None, diagnostics: Diagnostics | None = None, **settings: Any
+    ) -> Any:  # fmt: skip
+        """The scene as a pxr.Usd.Stage in memory: that of `maquette convert`, with the camera and the size of `settings`.
+
+        Its pictures are written into `folder`, by default one that is removed when Python ends. The stage names them by their full paths.
+        `deviation` is the greatest distance of triangles from surfaces in metres. What USD lacks is added to `diagnostics`; without some,
+        losses are SceneWarnings. Raises what `render` raises, and OSError for a folder that cannot be written.
+        """
+        from pxr import UsdUtils
+
+        from ..compiler.exporters.usd.scene import stage_of
+        from ..compiler.io.replace_file import replace_file
+        from .tessellation.scene_meshes import make_converters
+
+        plan = planner.make_plan(self, python_options.settings_of(self, settings))
+        out, stage = stage_of(self, plan, Path(self.name).stem, make_converters(self, deviation))
+        if out.files:
+            place = Path(_pictures() if folder is None else folder).absolute()
+            for name, data in out.files.items():
+                replace_file(place / name, data)
+            UsdUtils.ModifyAssetPaths(stage.GetRootLayer(), lambda path: str(place / path[2:]) if path.startswith("./") else path)
+        if diagnostics is None:
+            python_options.warn(out.diagnostics, 2)
+        else:
+            diagnostics.items += out.diagnostics
+        return stage
+
     def __repr__(self) -> str:
         counts = len(self.tables.instances.geometry), len(self.tables.lights.kind), len(self.tables.cameras.projection)
         parts = [f"{count} {name}{'' if count == 1 else 's'}" for count, name in zip(counts, ("instance", "light", "camera"), strict=True)]
         return f"<Scene {self.name}, {', '.join(parts)}>"
+
+
+def _pictures() -> str:
+    """A folder for the pictures of a stage, removed when Python ends."""
+    folder = tempfile.mkdtemp(prefix="maquette-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder

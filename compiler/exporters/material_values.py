@@ -37,9 +37,9 @@ class MaterialRow:
 
     @property
     def medium(self) -> MediumData | None:
-        """The coefficients inside, without a density that varies."""
+        """The coefficients inside; None without, or with a density that varies."""
         media, row = self.tables.media, int(self.materials.medium[self.row])
-        if row < 0:
+        if row < 0 or media.density[row] >= 0:
             return None
         r, g, b = media.scattering[row].tolist()
         x, y, z = media.absorption[row].tolist()
@@ -162,6 +162,10 @@ _SLOTS: Mapping[int, Callable[[MaterialRow], dict[str, ir.Slot]]] = {
         "subsurface_color": Slot.AMBIENT, "specular_ior": Slot.IOR, "specular_roughness": Slot.ROUGHNESS,
     },
 }  # fmt: skip
+
+
+CARRYING = frozenset((ir.MaterialModel.OPENPBR, ir.MaterialModel.GLASS, ir.MaterialModel.SUBSURFACE))
+"""Models whose slabs hold a medium."""
 
 
 class Slabs(NamedTuple):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from ...materials import losses
@@ -26,11 +28,16 @@ def medium_of(out: Export, material: int) -> MediumData | None:
     return MediumData(as_color(media.scattering[row]), as_color(media.absorption[row]), anisotropy=float(media.anisotropy[row]))
 
 
-def without_media(out: Export) -> None:
-    """Report all media but those of subsurface materials, whose own report they have, for a format that has none."""
+def without_media(out: Export, carrying: Collection[int] = ()) -> None:
+    """Report the media of a scene for a format that has them inside of materials of the models `carrying` alone.
+
+    Bodies have a report of their own.
+    """
     m = out.scene.tables.materials
     for material in np.unique(out.scene.tables.instances.material).tolist():
-        if m.medium[material] >= 0 and not out.bodies[material]:
+        if m.model[material] in carrying:
+            medium_of(out, material)
+        elif m.medium[material] >= 0 and not out.bodies[material]:
             out.cannot(losses.MEDIUM, "media", int(m.medium[material]))
     without_fog(out)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ...materials import MATERIALS, losses
@@ -50,9 +51,19 @@ class MaterialRow:
 class SurfaceRow(MaterialRow):
     """A row as a metallic–roughness surface. Losses that the format carries by other means are left out."""
 
-    def __init__(self, out: Export, row: int, carried: frozenset[str] = frozenset()) -> None:
+    def __init__(
+        self, out: Export, row: int, carried: frozenset[str] = frozenset(), has_graph: Callable[[int], bool] = lambda texture: False
+    ) -> None:  # fmt: skip
         super().__init__(out, row)
-        self._carried = carried
+        self._carried, self._has_graph = carried, has_graph
+
+    def texture(self, slot: ir.Slot) -> int:
+        texture = int(self.materials.textures[self.row, slot])
+        return texture if self._has_graph(texture) else super().texture(slot)
+
+    def note(self, message: str) -> None:
+        if message not in self._carried:
+            super().note(message)
 
     def cannot(self, message: str, hint: str = "") -> None:
         if message not in self._carried:
@@ -78,9 +89,14 @@ class SurfaceRow(MaterialRow):
         return (names[self.row] if self.row < len(names) else "") or f"material{self.row}"
 
 
-def surface_of(out: Export, row: int, carried: frozenset[str] = frozenset()) -> Exported:
-    """The surface of a material that is not a blend. Reports inputs that the format lacks, but for the losses `carried`."""
-    surface_row = SurfaceRow(out, row, carried)
+def surface_of(
+    out: Export, row: int, carried: frozenset[str] = frozenset(), has_graph: Callable[[int], bool] = lambda texture: False
+) -> Exported:  # fmt: skip
+    """The surface of a material that is not a blend. Reports inputs that the format lacks, but for the losses `carried`.
+
+    Patterns of which `has_graph` is true are textures of the format.
+    """
+    surface_row = SurfaceRow(out, row, carried, has_graph)
     surface_row.reports_vertex_light()
     assert surface_row.module.surface is not None
     return surface_row.module.surface(surface_row)

@@ -54,7 +54,8 @@ WRITERS = (
     ),
     Writer(
         "USD", {".usda": "USD, as text", ".usdc": "USD", ".usdz": "USD with its pictures"}, "usd.scene",
-        "triangles, equal ones written once", "UsdPreviewSurface, pictures", "UsdLux with light links; the first camera is `main_cam`",
+        "triangles, equal ones written once", "UsdPreviewSurface, and OpenPBR by MaterialX; pictures, patterns as graphs",
+        "UsdLux with light links; the first camera is `main_cam`",
     ),
     Writer("STL", {".stl": "triangles for printing"}, "triangles.stl", "closed triangles in millimetres, z up", planned=False),
     Writer("3MF", {".3mf": "the same"}, "triangles.threemf", "closed triangles in millimetres, z up", _COLORS, planned=False),

@@ -105,7 +105,7 @@ class Materials:
         written = min(candidates, key=lambda each: (len(each.lost), len(each.values) + len(each.textures)))
         for name in written.lost:
             self._cannot(row, losses.argument(name))
-        if material.medium is not None and not written.inside:
+        if self.tables.materials.medium[row] >= 0 and (material.medium is None or not written.inside):
             self._outside.add(row)
         entry = written.form.element.entry
         texts: dict[str, str] = {}

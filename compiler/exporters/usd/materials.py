@@ -15,15 +15,27 @@ from pxr import Gf, Sdf, UsdShade
 from ....materials import losses
 from ....materials.contract import Exported
 from ... import ir
-from ...scene.row_records import DEFAULT_MATERIAL, Color, Input, as_color
+from ...scene.row_records import DEFAULT_MATERIAL, Color, Input, as_color, scale_color
 from ..export import Export
 from ..surfaces import surface_of
 from ..texture_sets import TextureSets
+from .graphs import is_graph
+from .open_pbr import Networks, set_name
 
 _WRAPS = {ir.Wrap.REPEAT: "repeat", ir.Wrap.CLAMP: "clamp", ir.Wrap.MIRROR: "mirror", ir.Wrap.BLACK: "black"}
 _TYPES = {
     "color": (Sdf.ValueTypeNames.Color3f, "rgb"), "number": (Sdf.ValueTypeNames.Float, "r"), "normal": (Sdf.ValueTypeNames.Normal3f, "rgb"),
 }  # fmt: skip
+
+
+class _Everything(frozenset[str]):
+    """Losses that a network of MaterialX beside the surface carries: all of them."""
+
+    def __contains__(self, loss: object) -> bool:
+        return True
+
+
+EVERYTHING = _Everything()
 
 
 class Written(NamedTuple):
@@ -42,22 +54,30 @@ class Materials:
         self._parent, self._name = parent, name
         self._written: dict[tuple[int, bool], Written] = {}
         self._files: dict[tuple[int, str], str] = {}
+        self._networks = Networks(out, stage, self._file)
 
     def written(self, row: int, tinted: bool = False) -> Written:
         """The material of a row; if `tinted`, for meshes with colours, which are in their primvar displayColor."""
         key = (row, tinted)
         if key not in self._written:
-            sets, exported = TextureSets(self.tables), surface_of(self.out, row)
+            slabs = None if tinted else self._networks.slabs(row)
+            carried = frozenset() if slabs is None else EVERYTHING
+            sets, exported = TextureSets(self.tables), surface_of(self.out, row, carried, self._has_graph)
             diffuse = exported.surface.diffuse
             if tinted and diffuse.texture >= 0:
                 self.out.cannot("the mesh's colours are carried beside its material, which has a texture", "materials", row)
             plain = exported.surface.name == DEFAULT_MATERIAL  # of a mesh without a material, colours are written as they were read
             factor = (1.0, 1.0, 1.0) if plain else as_color(diffuse.value)
             tint = factor if tinted and diffuse.texture < 0 else None
-            self._written[key] = Written(self._material(exported, row, sets, tinted, tint is not None), sets, tint)
+            material = self._material(exported, row, sets, tinted, tint is not None, slabs is not None)
+            self._written[key] = Written(material, sets, tint)
+            if slabs is not None:
+                self._networks.write(material, str(material.GetPath()), row, slabs, sets)
+            elif not tinted and self._has_patterns(row):
+                self._networks.write_preview(material, str(material.GetPath()), row, exported, sets, opacity_of(exported))
         return self._written[key]
 
-    def _material(self, exported: Exported, row: int, sets: TextureSets, tinted: bool, by_colors: bool) -> Any:
+    def _material(self, exported: Exported, row: int, sets: TextureSets, tinted: bool, by_colors: bool, carried: bool) -> Any:  # fmt: skip
         s, path = exported.surface, f"{self._parent}/material{row}{'_colors' if tinted else ''}"
         material = UsdShade.Material.Define(self.stage, path)
         if s.name != f"material{row}":
@@ -72,19 +92,18 @@ class Materials:
         ]  # fmt: skip
         if s.coat.value[0] > 0:
             inputs += [("clearcoat", "number", s.coat), ("clearcoatRoughness", "number", s.coat_roughness)]
-        if any(s.sheen.value):
+        if any(s.sheen.value) and not carried:
             self.out.cannot(losses.SHEEN, "materials", row)
         if s.specular is not None:
             shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
-        if exported.diffuse_transmission is not None:
+        if exported.diffuse_transmission is not None and not carried:
             self.out.cannot(losses.DIFFUSE_TRANSMISSION, "materials", row)
-        if exported.body:
+        if exported.body and not carried:
             self.out.cannot(losses.SUBSURFACE, "materials", row)
-        if exported.transmission > 0:
+        if exported.transmission > 0 and not carried:
             self.out.cannot(losses.REFRACTION, "materials", row)
         presence = s.opacity != Input.number(1.0)
-        passing = Input.number(min(1.0 - s.transmission, 1.0 - exported.transmission))
-        inputs.append(("opacity", "number", s.opacity if presence else passing))
+        inputs.append(("opacity", "number", opacity_of(exported)))
         if s.threshold > 0:
             shader.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(s.threshold)
         elif presence:
@@ -96,6 +115,13 @@ class Materials:
                 self._input(shader, path, name, kind, slot, sets)
         return material
 
+    def _has_graph(self, texture: int) -> bool:
+        return is_graph(self.tables, texture)
+
+    def _has_patterns(self, row: int) -> bool:
+        """Whether a material has a pattern that a graph says."""
+        return any(map(self._has_graph, self.tables.materials.textures[row].tolist()))
+
     def _colors(self, shader: Any, path: str) -> None:
         """The diffuse colour as that of the mesh."""
         reader = UsdShade.Shader.Define(self.stage, f"{path}/colors")
@@ -106,6 +132,8 @@ class Materials:
     def _input(self, shader: Any, path: str, name: str, kind: str, value: Input, sets: TextureSets) -> None:
         type_, output = _TYPES[kind]
         slot = shader.CreateInput(name, type_)
+        if value.texture >= 0 and self.tables.textures.kind[value.texture] == ir.TextureKind.FORMULA:
+            value = Input(scale_color(value.value, TYPICAL))  # its graph is in the network of MaterialX
         if value.texture < 0:
             slot.Set(value.value[0] if kind == "number" else Gf.Vec3f(*value.value))
             return
@@ -143,9 +171,15 @@ class Materials:
         return self._files[key]
 
 
+TYPICAL = 0.5  # that stands for a pattern where there are no graphs
+
+
+def opacity_of(exported: Exported) -> Input:
+    """The opacity of a surface; of glass it stands for what passes."""
+    s = exported.surface
+    if s.opacity != Input.number(1.0):
+        return s.opacity
+    return Input.number(min(1.0 - s.transmission, 1.0 - exported.transmission))
+
+
 CELL = 16  # texels of the side of a cell: UsdUVTexture interpolates
-
-
-def set_name(number: int) -> str:
-    """The primvar of a set of texture coordinates."""
-    return f"st{number}" if number else "st"

@@ -28,6 +28,7 @@ from ..bodies import Bodies, Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import LightFormat, exported
+from ..material_values import CARRYING
 from ..media import without_media
 from ..placement import F64
 from .materials import Materials, set_name
@@ -44,13 +45,19 @@ def export(job: ExportJob) -> Export:
     return write(job.scene, job.plan, job.stem, job.ending, job.converters())
 
 
-def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
-    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in its `diagnostics`."""
+def stage_of(scene: ir.Scene, plan: Plan, name: str, converters: Converters) -> tuple[Export, Any]:
+    """(losses, and the contents of the files that the stage names as ./file; the stage in memory)"""
     out = Export(scene)
-    without_media(out)
+    without_media(out, CARRYING)
     writer = _Writer(out, name, converters)
     writer.write(plan)
-    _encode(out, writer.stage, name, ending)
+    return out, writer.stage
+
+
+def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
+    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in its `diagnostics`."""
+    out, stage = stage_of(scene, plan, name, converters)
+    _encode(out, stage, name, ending)
     return out
 
 

@@ -37,7 +37,7 @@ DISPLAY_COLOR, DISPLAY_OPACITY = "displayColor", "displayOpacity"
 DEFAULT_COLOR: Color = (0.18, 0.18, 0.18)
 _WRAPS = {"repeat": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "black": ir.Wrap.BLACK, "useMetadata": ir.Wrap.BLACK}
 _WRAPS |= materialx.WRAPS
-_CONTEXTS = ("", "mtlx", "arnold")  # render contexts in which a surface is looked for
+_CONTEXTS = ("mtlx", "", "arnold")  # render contexts in which a surface is looked for, as usdrecord does
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 _FALLBACKS: dict[str, Any] = {
     "diffuseColor": DEFAULT_COLOR, "emissiveColor": (0.0, 0.0, 0.0), "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0,

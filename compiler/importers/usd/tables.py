@@ -167,7 +167,7 @@ SHADERS = Table(
         "UsdTransform2d": "",
         "UsdPrimvarReader_float UsdPrimvarReader_float2 UsdPrimvarReader_float3 UsdPrimvarReader_float4": "",
         "ND_standard_surface_surfaceshader ND_open_pbr_surface_surfaceshader arnold:standard_surface ND_disney_principled": (
-            "as `openpbr`, under outputs:mtlx:surface too: see [materialx.md](materialx.md)"
+            "as `openpbr`, under outputs:mtlx:surface too, which precedes outputs:surface: see [materialx.md](materialx.md)"
         ),
         "ND_gltf_pbr_surfaceshader": "as `principled`; as `openpbr` where light passes, or with iridescence, anisotropy or specular inputs",
         "ND_surface ND_surface_unlit ND_layer_bsdf ND_mix_bsdf ND_add_bsdf ND_multiply_bsdfF ND_multiply_bsdfC ND_layer_vdf": (

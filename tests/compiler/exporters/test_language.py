@@ -169,7 +169,7 @@ def test_a_stage_in_centimetres_with_odd_names_comes_back(tmp_path: Path) -> Non
     assert "let sphere_2 = principled(rgb(0.2, 0.4, 0.6), roughness: 0.3" in text
     assert 'group(name: "Büro") {' in text
     assert 'sphere(50, name: "let", translate: [0, 100, 0]' in text
-    assert 'box(100, name: "mirrored", rotate: [-90deg, 0deg, 0deg], scale: [-1, 1, 1])' in text
+    assert 'box(100, name: "mirrored", rotate: [-90deg, 0deg, 0deg], scale: [-1, 1, 1], ' in text
     assert "transform([[" in text, "a sheared box has a matrix"
     assert "visible: false" in text
     assert "profile:" in text

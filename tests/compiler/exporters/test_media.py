@@ -128,13 +128,22 @@ def test_povray_gets_media(tmp_path: Path) -> None:
     }
 
 
-def test_usd_names_what_it_loses(tmp_path: Path) -> None:
-    lost = converted(tmp_path, SCENE, "a.usda")[1]
-    assert lost.count("the medium inside of a shape is not carried") == 2
-    assert lost.count("light that scatters inside of a body is not carried: it is a diffuse surface of its colour") == 1
+def test_usd_carries_homogeneous_media_and_bodies(tmp_path: Path) -> None:
+    path, lost = converted(tmp_path, SCENE, "a.usda")
+    assert lost == []
+    diagnostics = Diagnostics()
+    before, after = load.load(tmp_path / "a.scene"), load.load(path, diagnostics=diagnostics)
+    assert [d.message for d in diagnostics.items if d.severity != "note"] == []
+    rows = [[scene.tables.materials.medium[row] for row in scene.tables.instances.material] for scene in (before, after)]
+    for column in HOMOGENEOUS:
+        values = [getattr(scene.tables.media, column)[medium] for scene, medium in zip((before, after), rows, strict=True)]
+        assert np.allclose(values[0], values[1], rtol=1e-4, atol=1e-6)
+    models = after.tables.materials.model[after.tables.instances.material].tolist()
+    assert models == [ir.MaterialModel.GLASS, ir.MaterialModel.GLASS, ir.MaterialModel.OPENPBR]
+    assert after.tables.instances.visible.tolist() == before.tables.instances.visible.tolist() == [5, 7, 7]
 
 
-@pytest.mark.parametrize("name", ["a.glb", "a.xml", "a.pov"])
+@pytest.mark.parametrize("name", ["a.glb", "a.xml", "a.pov", "a.usda"])
 def test_what_no_format_has_is_lost_by_name(tmp_path: Path, name: str) -> None:
     lost = [message for message in converted(tmp_path, LOSSES, name)[1] if not message.startswith("light scatters once")]
     assert sorted(lost) == EVERY

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from pxr import UsdShade
 
 from .....lang.diagnostics import Span
 from .....materials import openpbr, subsurface
@@ -106,6 +107,8 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
         _gltf(shader, inputs, source, arithmetic)
     elif names is not _OPEN:
         _standard(inputs, arithmetic, place)
+    else:
+        inputs |= {name: turn for name, target in _TURNED.items() if (turn := _turn(shader.GetInput(target))) is not None}
     used = {written for written, _ in names.values()} | _EXTRA.get(kind, set())
     for shader_input in shader.GetInputs():
         name = str(shader_input.GetBaseName())
@@ -167,7 +170,7 @@ def _mean(opacity: Any) -> Any:
 def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[[Any, Any], Any]) -> bool:
     """Whether an input has its value without effect, or the weight of its part is 0."""
     if name in _DIRECTIONS:
-        return not shader_input.HasConnectedSource() or _is_of_surface(shader_input)
+        return not shader_input.HasConnectedSource() or _is_of_surface(shader_input) or _turn(shader_input) is not None
     value = numbers(source(shader_input, None))
     for part, weights in _DEPENDENT.items():
         if name.startswith(part):
@@ -178,6 +181,19 @@ def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[
 
 
 _DIRECTIONS = ("tangent", "geometry_tangent", "geometry_coat_tangent", "coat_normal", "geometry_coat_normal", "clearcoat_normal")
+
+
+_TURNED = {"specular_rotation": "geometry_tangent", "coat_rotation": "geometry_coat_tangent"}
+
+
+def _turn(shader_input: Any) -> float | None:
+    """The turns of a direction that is the tangent of the surface, turned by a number of degrees about its normal; None of others."""
+    for attribute in shader_input.GetValueProducingAttributes() if shader_input else ():
+        node = UsdShade.Shader(attribute.GetPrim())
+        if node and node.GetIdAttr().Get() == "ND_rotate3d_vector3" and node.GetInput("in") and _is_of_surface(node.GetInput("in")):
+            amount = node.GetInput("amount")
+            return None if not amount or amount.HasConnectedSource() else float(amount.Get() or 0.0) / 360.0
+    return None
 
 
 def _is_of_surface(shader_input: Any) -> bool:

@@ -13,6 +13,7 @@ from ...scene import transforms
 from ..export import Export
 from ..placement import F64, square
 from . import words
+from .outline import written_name
 from .places import decomposed
 from .textures import Textures
 
@@ -79,8 +80,10 @@ class Lights:
     def _members(self, mask: int) -> str:
         """The names of the instances of a light link."""
         names, visible = self.out.scene.names.instances, self.tables.instances.visible
-        chosen = dict.fromkeys(names[i] for i in np.flatnonzero(visible & mask != 0).tolist() if i < len(names))
-        return f"[{', '.join(words.string(name) for name in chosen)}]" if chosen else '["!*"]'
+        chosen = dict.fromkeys(
+            written_name(names[i])[0].replace("[", "[[]") for i in np.flatnonzero(visible & mask != 0).tolist() if i < len(names)
+        )
+        return f"[{', '.join(map(words.string, chosen))}]" if chosen else '["!*"]'
 
     def _point(self, row: int, kind: ir.LightKind) -> str:
         lights = self.tables.lights

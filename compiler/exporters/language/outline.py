@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
@@ -12,6 +13,16 @@ from .places import Place
 DEEPEST = 12  # groups in each other
 FEWEST = 4  # copies that are a loop
 _ROUND = ("translate", "rotate", "scale")
+
+
+_COPY = re.compile(r"\[\d+\]$")
+_LONGEST = 200  # characters of a name
+
+
+def written_name(name: str) -> tuple[str, bool]:
+    """The name that an instance has in the written scene, and whether it is a copy, whose number is left out."""
+    plain = _COPY.sub("", name.strip("/"))
+    return "/".join(part for part in plain[:_LONGEST].split("/") if part), plain != name.strip("/")
 
 
 class Item(NamedTuple):

@@ -5,7 +5,6 @@ Numbers are short: the same in single precision. Meshes and pictures are in the 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -28,9 +27,6 @@ from .outline import Item
 from .places import Place, place
 from .shapes import Shapes
 from .textures import Textures
-
-_COPY = re.compile(r"\[\d+\]$")
-_LONGEST_NAME = 200
 
 
 def export(job: ExportJob) -> Export:
@@ -115,12 +111,8 @@ class _Writer:
     def _path(self, i: int) -> tuple[tuple[str, ...], bool]:
         """The parts of the name of an instance, and whether it is a copy with a number."""
         names = self.out.scene.names.instances
-        name = (names[i] if i < len(names) else "").strip("/")
-        copy = _COPY.search(name) is not None
-        name = _COPY.sub("", name) if copy else name
-        if len(name) > _LONGEST_NAME:
-            name = name[:_LONGEST_NAME]
-        return tuple(part for part in name.split("/") if part) or ("",), copy
+        name, copy = outline.written_name(names[i] if i < len(names) else "")
+        return tuple(name.split("/")), copy
 
     def _tell_visibility(self, i: int) -> None:
         instances = self.tables.instances

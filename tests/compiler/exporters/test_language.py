@@ -239,6 +239,18 @@ def Mesh "leaf" {
         np.testing.assert_allclose(values[0], values[1], atol=1e-6)
 
 
+def test_light_links_come_back(tmp_path: Path) -> None:
+    text = """group(name: "room") { sphere(1, name: "left") sphere(1, translate: [3, 0, 0], name: "right [new]") }
+        box(1, translate: [0, 3, 0], name: "top")
+        point([0, 5, 0], receivers: ["room/left", "top"], blockers: ["!*"], name: "lamp")
+        sun([0, 1, 1], blockers: ["!top"])
+        """.replace(") sphere", "); sphere")
+    source = written(tmp_path, "in.scene", text)
+    out, said = converted(source)
+    assert "not carried" not in said
+    same(load(source), load(out))
+
+
 def test_what_moves_is_a_loss(tmp_path: Path) -> None:
     scene = written(tmp_path, "in.scene", "sphere(1, translate: [time / 1s, 0, 0])\nanimate(duration: 2s)\n")
     _, said = converted(scene)

@@ -48,6 +48,9 @@ class Values:
         self.medium_data: MediumData | None = medium
         return 0
 
+    def normals(self, picture: Any) -> Input:
+        return Input(WHITE)
+
     def part(self, name: str) -> int:
         return {"first": 0, "second": 1}[name]
 

@@ -21,6 +21,7 @@ from .textures import Textures
 
 Slot = ir.Slot
 _SAME = 1e-5  # of an input that is written and read again
+_MAPPED = frozenset((Slot.FLAKE_SIZE, Slot.FLAKE_TILT, Slot.FLAKE_COVERAGE, Slot.FLAKE_SEED, Slot.COAT_NORMAL))  # arguments of maps
 
 
 class _Written(NamedTuple):
@@ -168,7 +169,28 @@ class Materials:
                 texts[argument] = name
                 if material.number(slot) != plain:
                     texts[level] = words.number(material.number(slot))
-        return texts
+        return texts | self._flakes(material) | self._coat_normal(material)
+
+    def _flakes(self, material: MaterialRow) -> dict[str, str]:
+        """Flakes as a normal map."""
+        if material.number(Slot.FLAKE_SIZE) <= 0.0:
+            return {}
+        texts: dict[str, str] = {}
+        for argument, slot in (("tilt", Slot.FLAKE_TILT), ("coverage", Slot.FLAKE_COVERAGE)):
+            texture, value = material.texture(slot), material.number(slot)
+            name = self.textures.name(texture, "number", (value, value, value), self._of(argument)) if texture >= 0 else None
+            texts[argument] = name or words.number(value)
+        if material.number(Slot.FLAKE_SEED) != 0.0:
+            texts["seed"] = words.number(material.number(Slot.FLAKE_SEED))
+        return {"normal_map": words.call("flakes", words.number(material.number(Slot.FLAKE_SIZE)), **texts)}
+
+    def _coat_normal(self, material: MaterialRow) -> dict[str, str]:
+        """The normal of the coat, where it is not that of the base."""
+        texture = material.texture(Slot.COAT_NORMAL)
+        if texture >= 0:
+            name = self.textures.name(texture, "directions", (1.0, 1.0, 1.0), self._of("coat_normal"))
+            return {} if name is None else {"geometry_coat_normal": name}
+        return {"geometry_coat_smooth": "true"} if float(material.value(Slot.COAT_NORMAL)[2]) > 0.0 else {}
 
     # --- arguments ---
 
@@ -270,7 +292,7 @@ def _differing(
 ) -> list[str]:  # fmt: skip
     """The names of the inputs of a row that its arguments do not make."""
     lost = []
-    for slot in MATERIALS[int(row.model)].SLOTS:
+    for slot in set(MATERIALS[int(row.model)].SLOTS) - _MAPPED:
         entry = lowered.inputs.get(slot)
         value, texture = row.value(slot), row.texture(slot)
         if entry is None:

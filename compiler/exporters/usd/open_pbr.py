@@ -63,6 +63,9 @@ class Networks:
                 set_input(shader, name, kind, value)
         writer.emission(shader)
         writer.geometry(shader, "geometry_normal", "geometry_opacity")
+        writer.coat(shader)
+        if writer.row.number(Slot.FLAKE_SIZE) > 0.0:
+            self.out.cannot(losses.argument("flakes"), "materials", row)
         for message in described.lost:
             self.out.cannot(message, "materials", row)
         material.CreateSurfaceOutput(CONTEXT).ConnectToSource(shader.ConnectableAPI(), "surface")
@@ -171,10 +174,28 @@ class _Network:
             self.out.cannot(losses.argument("opacity_threshold"), "materials", self.row.row)
         if self.row.texture(Slot.BUMP) >= 0:
             self.out.cannot(losses.BUMP_MAP, "materials", self.row.row, "a normal map is")
-        texture = self.row.texture(Slot.NORMAL)
+        self._normal(shader, normal, Slot.NORMAL)
+
+    def coat(self, shader: Any) -> None:
+        """The normal of the coat, where it is not that of the base."""
+        if self.row.texture(Slot.COAT_NORMAL) >= 0:
+            self._normal(shader, "geometry_coat_normal", Slot.COAT_NORMAL)
+            return
+        if float(self.row.value(Slot.COAT_NORMAL)[2]) > 0.0:
+            node = self.nodes.add("normal", "ND_normal_vector3", "vector3", space=("string", "world"))
+            set_input(shader, "geometry_coat_normal", "vector3", node)
+        elif self.row.texture(Slot.NORMAL) >= 0 and self.row.number(Slot.COAT) > 0.0 and shader.GetInput("geometry_normal"):
+            below = shader.GetInput("geometry_normal").GetConnectedSources()[0]
+            if below:
+                coat = shader.CreateInput("geometry_coat_normal", Sdf.ValueTypeNames.Float3)
+                coat.ConnectToSource(UsdShade.ConnectableAPI(below[0].source.GetPrim()), below[0].sourceName)
+
+    def _normal(self, shader: Any, normal: str, slot: ir.Slot) -> None:
+        """A normal map of a slot."""
+        texture = self.row.texture(slot)
         if texture >= 0 and not np.isin(self.tables.textures.kind[texture], [ir.TextureKind.IMAGE]):
-            self.out.cannot(losses.texture(Slot.NORMAL), "materials", self.row.row)
+            self.out.cannot(losses.texture(slot), "materials", self.row.row)
         elif texture >= 0:
             picture = self.picture(texture, "normal", "vector3")
-            ports = {"in": ("vector3", picture), "scale": ("float", self.row.number(Slot.NORMAL))}
+            ports = {"in": ("vector3", picture), "scale": ("float", self.row.number(slot))}
             set_input(shader, normal, "vector3", self.nodes.add("normal_map", "ND_normalmap_float", "vector3", **ports))

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from pxr import UsdShade
 
 from .....lang.diagnostics import Span
 from .....materials import openpbr, subsurface
@@ -22,6 +21,7 @@ from ....scene import partial_coverage
 from ....scene.builder import SceneBuilder
 from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
 from ...materialx.physical import NARROWEST
+from . import directions
 from .arithmetic import Arithmetic, is_zero, numbers
 
 Slot = ir.Slot
@@ -108,7 +108,8 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
     elif names is not _OPEN:
         _standard(inputs, arithmetic, place)
     else:
-        inputs |= {name: turn for name, target in _TURNED.items() if (turn := _turn(shader.GetInput(target))) is not None}
+        turns = {name: directions.turn(shader.GetInput(target)) for name, target in directions.TURNED.items()}
+        inputs |= {name: turn for name, turn in turns.items() if turn is not None}
     used = {written for written, _ in names.values()} | _EXTRA.get(kind, set())
     for shader_input in shader.GetInputs():
         name = str(shader_input.GetBaseName())
@@ -127,7 +128,7 @@ def _coat_normal(shader: Any, names: Mapping[str, tuple[str, Any]], inputs: dict
     if not written or is_zero(inputs["coat_weight"]):
         return None
     shader_input, own = shader.GetInput(written), inputs["geometry_coat_normal"]
-    if own is None or not shader_input.HasConnectedSource() or _is_of_surface(shader_input):
+    if own is None or not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input):
         return None if base is None else SMOOTH
     below = shader.GetInput(names["geometry_normal"][0])
     is_same = bool(below) and below.GetRawConnectedSourcePaths() == shader_input.GetRawConnectedSourcePaths()
@@ -170,7 +171,7 @@ def _mean(opacity: Any) -> Any:
 def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[[Any, Any], Any]) -> bool:
     """Whether an input has its value without effect, or the weight of its part is 0."""
     if name in _DIRECTIONS:
-        return not shader_input.HasConnectedSource() or _is_of_surface(shader_input) or _turn(shader_input) is not None
+        return not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input) or directions.turn(shader_input) is not None
     value = numbers(source(shader_input, None))
     for part, weights in _DEPENDENT.items():
         if name.startswith(part):
@@ -181,27 +182,6 @@ def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[
 
 
 _DIRECTIONS = ("tangent", "geometry_tangent", "geometry_coat_tangent", "coat_normal", "geometry_coat_normal", "clearcoat_normal")
-
-
-_TURNED = {"specular_rotation": "geometry_tangent", "coat_rotation": "geometry_coat_tangent"}
-
-
-def _turn(shader_input: Any) -> float | None:
-    """The turns of a direction that is the tangent of the surface, turned by a number of degrees about its normal; None of others."""
-    for attribute in shader_input.GetValueProducingAttributes() if shader_input else ():
-        node = UsdShade.Shader(attribute.GetPrim())
-        if node and node.GetIdAttr().Get() == "ND_rotate3d_vector3" and node.GetInput("in") and _is_of_surface(node.GetInput("in")):
-            amount = node.GetInput("amount")
-            return None if not amount or amount.HasConnectedSource() else float(amount.Get() or 0.0) / 360.0
-    return None
-
-
-def _is_of_surface(shader_input: Any) -> bool:
-    """Whether a direction is the surface's own normal or tangent."""
-    for attribute in shader_input.GetValueProducingAttributes():
-        identifier = attribute.GetPrim().GetAttribute("info:id")
-        return bool(identifier) and str(identifier.Get()) in ("ND_tangent_vector3", "ND_normal_vector3")
-    return True
 
 
 def film(thickness: Any, ior: Any, arithmetic: Arithmetic, place: Any) -> dict[str, Any]:

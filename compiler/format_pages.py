@@ -64,6 +64,8 @@ materialxgltf 1.39.5 have them. Other sample assets, and published renders, are 
 | ClearCoatTest | KHR_materials_clearcoat | as expected: each coat matches its coating alone, with the normals of its own |
 | TextureTransformTest | KHR_texture_transform | as expected: three ticks, and arrows to the green corners |
 | 2CylinderEngine | | as expected, by the camera of the file |
+| BoxTextured | KHR_materials_pbrSpecularGlossiness | as expected, without a highlight |
+| AnimatedMorphCube, SimpleSkin, Cameras | | as expected, in the pose at 0 s |
 
 What the readers do with a file's materials:
 

@@ -27,7 +27,7 @@ from .arithmetic import Arithmetic, is_zero, numbers
 Slot = ir.Slot
 Tell = Callable[[str], None]
 KEY = "slabs"  # of Network.inputs: a surface of slabs
-_THIN = "geometry_thin_walled"
+_THIN, _COAT = "geometry_thin_walled", "geometry_coat_normal"
 _OPAQUE = {"transmission_weight": 0.0, "subsurface_weight": 0.0}
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
@@ -98,7 +98,8 @@ _EXTRA = {
 def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmetic: Arithmetic, tell: Tell) -> dict[str, Any]:
     """The inputs of OpenPBR that a surface shader gives. A warning names every other authored input."""
     names, place = SHADERS[kind], shader.GetPrim()
-    inputs = dict(DEFAULTS) | {name: source(shader.GetInput(written), default) for name, (written, default) in names.items()}
+    inputs = dict(DEFAULTS)
+    inputs |= {name: source(shader.GetInput(written), default) for name, (written, default) in names.items() if name != _COAT}
     inputs["base_color"] = arithmetic.times(inputs["base_color"], inputs.pop("base_weight"), place)
     inputs["base_weight"] = 1.0
     if kind == "ND_disney_principled":
@@ -117,22 +118,21 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
             tell(f"the input `{name}` of {kind} is not drawn")
     if not is_zero(inputs["emission_luminance"]):
         inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
-    inputs |= {COAT_NORMAL: _coat_normal(shader, names, inputs)}
+    inputs |= {COAT_NORMAL: _coat_normal(shader, names, inputs, source)}
     inputs |= {KEY: True, "normal": inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
     return inputs
 
 
-def _coat_normal(shader: Any, names: Mapping[str, tuple[str, Any]], inputs: dict[str, Any]) -> Any:
+def _coat_normal(shader: Any, names: Mapping[str, tuple[str, Any]], inputs: dict[str, Any], source: Callable[[Any, Any], Any]) -> Any:
     """The source of the normal of the coat; SMOOTH without one over a base with one, None where it is that of the base."""
-    written, base = names.get("geometry_coat_normal", ("", None))[0], inputs["geometry_normal"]
+    written, base = names.get(_COAT, ("", None))[0], inputs["geometry_normal"]
     if not written or is_zero(inputs["coat_weight"]):
         return None
-    shader_input, own = shader.GetInput(written), inputs["geometry_coat_normal"]
-    if own is None or not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input):
+    shader_input, below = shader.GetInput(written), shader.GetInput(names["geometry_normal"][0])
+    if not shader_input or not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input):
         return None if base is None else SMOOTH
-    below = shader.GetInput(names["geometry_normal"][0])
-    is_same = bool(below) and below.GetRawConnectedSourcePaths() == shader_input.GetRawConnectedSourcePaths()
-    return None if is_same else own
+    is_same = below and below.GetRawConnectedSourcePaths() == shader_input.GetRawConnectedSourcePaths()
+    return None if is_same else source(shader_input, None)
 
 
 COAT_NORMAL, SMOOTH, SMOOTH_COAT = "coat normal", "smooth", openpbr.SMOOTH_COAT  # of Network.inputs; a source of it; its input

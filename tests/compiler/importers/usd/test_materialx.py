@@ -116,6 +116,19 @@ def test_normals_of_coats(tmp_path, kind, coat, coat_normal, base, own, values, 
     assert (m.textures[0, ir.Slot.NORMAL] >= 0) == bool(base)
 
 
+def test_a_coat_with_the_normal_of_the_geometry_is_smooth(tmp_path):
+    """In the space of the world, too: the node is not evaluated."""
+    write_image(tmp_path / "a.png", np.full((2, 2, 3), (140, 128, 250), np.uint8))
+    node = """
+    def Shader "g" { uniform token info:id = "ND_normal_vector3"
+        string inputs:space = "world"
+        vector3f outputs:out }"""
+    lines = ["float inputs:coat = 1", "vector3f inputs:normal.connect = </m/a.outputs:out>",
+             "vector3f inputs:coat_normal.connect = </m/g.outputs:out>"]  # fmt: skip
+    scene, messages = drawn(tmp_path, "\n".join(lines), nodes=MAPS.format(name="a") + node)
+    assert (messages, slot(scene, "COAT_NORMAL")) == ([], [0, 0, 1])
+
+
 def test_pictures(tmp_path):
     """A tiled picture times the weight of the base, in the colour space of the file; one channel of another; a normal map."""
     write_image(tmp_path / "p.png", np.array([[[128, 64, 255]]], np.uint8))

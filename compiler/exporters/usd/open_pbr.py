@@ -65,7 +65,8 @@ class Networks:
         writer.geometry(shader, "geometry_normal", "geometry_opacity")
         writer.coat(shader)
         if writer.row.number(Slot.FLAKE_SIZE) > 0.0:
-            self.out.cannot(losses.argument("flakes"), "materials", row)
+            self.out.cannot(losses.FLAKES, "materials", row)
+            writer.roughness_of_flakes(shader)
         for message in described.lost:
             self.out.cannot(message, "materials", row)
         material.CreateSurfaceOutput(CONTEXT).ConnectToSource(shader.ConnectableAPI(), "surface")
@@ -156,6 +157,12 @@ class _Network:
             normal = self.nodes.add("normal", "ND_normal_vector3", "vector3", space=("string", "world"))
             ports = {"in": ("vector3", tangent), "amount": ("float", 360.0 * self.row.number(slot)), "axis": ("vector3", normal)}
             set_input(shader, target, "vector3", self.nodes.add(f"{part}_tangent", "ND_rotate3d_vector3", "vector3", **ports))
+
+    def roughness_of_flakes(self, shader: Any) -> None:
+        """The roughness of all flakes together, as they look from far. That of pictures stays."""
+        if self.row.texture(Slot.ROUGHNESS) < 0 and self.row.texture(Slot.FLAKE_TILT) < 0:
+            rough, tilt = self.row.number(Slot.ROUGHNESS), self.row.number(Slot.FLAKE_TILT)
+            set_input(shader, "specular_roughness", "float", min((rough**4 + tilt**4) ** 0.25, 1.0))
 
     def emission(self, shader: Any) -> None:
         """Luminance, and the colour that it multiplies."""

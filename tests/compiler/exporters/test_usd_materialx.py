@@ -126,6 +126,16 @@ def test_pictures_of_slabs_come_back(tmp_path: Path) -> None:
     assert all((t.materials.textures[t.instances.material[0], ir.Slot.DIFFUSE] >= 0) for t in colors)
 
 
+def test_flakes_are_their_roughness(tmp_path: Path) -> None:
+    stage, said = converted(
+        tmp_path, "sphere(1, material: openpbr(#c09040, specular_roughness: 0.3, normal_map: flakes(1mm, tilt: 0.4)))\n"
+    )
+    assert "single flakes are not carried" in said
+    opened = Usd.Stage.Open(str(stage))
+    shader = UsdShade.Shader(opened.GetPrimAtPath("/World/Materials/material0/mtlx_open_pbr"))
+    assert shader.GetInput("specular_roughness").Get() == pytest.approx((0.3**4 + 0.4**4) ** 0.25)
+
+
 def test_our_own_noise_is_a_loss(tmp_path: Path) -> None:
     _, said = converted(tmp_path, "sphere(1, material: lambert(pattern(|x, y, z| noise(4 * x, y, z))))\n")
     assert "a pattern is not carried" in said

@@ -78,7 +78,7 @@ TEXTURES = (
                 minimum=0.0, maximum=1.0, keyword=True,
             ),
             Arg("coverage", "number_map", 1.0, "share of the surface that has flakes", minimum=0.0, maximum=1.0, keyword=True),
-            Arg("seed", "int", 0, "number of the random places and tilts", minimum=0.0, keyword=True),
+            Arg("seed", "int", 0, "number of the random places and tilts", minimum=0.0, maximum=1e6, keyword=True),
         ),
         example="sphere(1, material: openpbr(#3060a0, base_metalness: 1, coat_weight: 1, normal_map: flakes(1cm)))",
     ),

@@ -38,6 +38,8 @@ WRONG = {
     "openpbr(normal_map: flakes(1mm), normal_strength: 2)": "no `normal_strength`",
     "openpbr(normal_map: flakes(0))": "more than 0",
     "openpbr(normal_map: flakes(1mm, coverage: 2))": "coverage",
+    "openpbr(normal_map: flakes(1mm, seed: -1))": "seed",
+    "openpbr(normal_map: flakes(1mm, seed: 3000000000))": "seed",
     "openpbr(normal_map: flakes(1mm, tilt: flakes(1mm)))": "they are no colour",
     "openpbr(transmission_weight: 1, normal_map: flakes(1mm))": "glass has no base",
     "principled(specular: #808080, normal_map: flakes(1mm))": "give `ior`",

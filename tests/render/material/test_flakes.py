@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import maquette
 import numpy as np
 import pytest
 from maquette.compiler import ir
@@ -133,3 +134,27 @@ def test_samples_of_a_flake_follow_the_density(angle, place):
         return value.reshape(np.broadcast(*directions).shape)
 
     chi2(sample.direction, sample.direction[1] > 0, density)
+
+
+BOARD = """\
+box([8, 8, 0.1], material: openpbr(#c0c0c0, base_metalness: 1, specular_roughness: 0.35, coat_weight: 1,
+  normal_map: flakes(1cm, tilt: 0.45)))
+directional(from: [0.3, 0.2, 1], illuminance: 3)
+camera(position: [0, 0, 5], look_at: [0, 0, 0], width: 1.2)
+"""
+
+
+@pytest.mark.long
+def test_pictures_from_near_and_far_have_one_mean(tmp_path):
+    """Pixels of half a flake, of ten flakes and of sixty; a picture from far has little of the spread between flakes."""
+    means, spreads = [], []
+    for size, samples in ((72, 4), (12, 16), (2, 16)):
+        scene = maquette.load_text(BOARD, tmp_path)
+        picture = np.asarray(scene.render(backend="reference", size=(size, size), samples=samples, bounces=0))[..., 0]
+        means.append(float(picture.mean()))
+        spreads.append(float(picture.std()))
+    error = spreads[0] / 72 + spreads[1] / 12
+    assert means[0] == pytest.approx(means[2], abs=3 * error)
+    assert means[1] == pytest.approx(means[2], abs=3 * error)
+    assert error < 0.03 * means[2]
+    assert spreads[2] < 0.02 * spreads[0]

@@ -74,11 +74,11 @@ def keeper_of(job: Job, read: Reading) -> Keeper | None:
 
     exists = checkpoint.exists(file, job.files)
     keeper = checkpoint.Keeper(file, key, first, every, job.resume, fail)
-    if job.resume and exists and keeper.found is None:
+    if job.resume and exists and keeper.saved_state is None:
         again = "is damaged, or of another scene, version, machine or settings: the picture begins anew"
         job.report([Diagnostic("warning", f"{file} {again}")])
     elif exists and not job.quiet:
-        state = keeper.found
+        state = keeper.saved_state
         job.display.hide()
         click.echo(
             f"goes on from {file}, with {state.arrays['samples'].mean():.3g} samples a pixel" if state is not None

@@ -66,7 +66,7 @@ def run(work: Work, deadline: Deadline, write_groups: Callable[[Image], None]) -
     ends = deadline.earlier(AFTER * deadline.seconds + grace)
     ends.leave(min(LATER[0] * deadline.spent(), LATER[1]))
     times = DenoisingTime(renderer, plan, ends) if decision.may_denoise(plan) else None
-    resumes = work.keeper is not None and work.keeper.found is not None
+    resumes = work.keeper is not None and work.keeper.saved_state is not None
     preview, compiled = None, compile_events.compiled()
     if not resumes and not isinstance(renderer, Remote):
         preview = _draw_preview(work, ends)

@@ -76,7 +76,7 @@ class Canvas:
         self.queue = TileQueue(renderer.side, self.threads, self.pace)
         self.with_extras: set[Tile] = set()  # tiles with their channels, where a budget may leave some out
         self.lock = threading.Lock()  # a checkpoint is made between two batches
-        self.resumed = keeper.found if keeper is not None and self.most > 1 else None
+        self.resumed = keeper.saved_state if keeper is not None and self.most > 1 else None
         if self.resumed is not None:
             self._restore(self.resumed)
 

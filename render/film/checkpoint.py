@@ -45,7 +45,7 @@ class Keeper:
         `fail` is called, from any thread, with the error of a checkpoint that cannot be written.
         """
         self.path, self._key, self._fail = path, functools.cache(key), fail  # the key of a large scene takes a second
-        self.found = load(path, self._key()) if resume and exists(path) else None  # None: begin
+        self.saved_state = load(path, self._key()) if resume and exists(path) else None  # None: begin
         self._every = every
         self._next = time.monotonic() + first
 

@@ -149,7 +149,7 @@ def test_a_checkpoint_goes_on_here_and_there(tmp_path: Path, cluster: Cluster, c
         partial = drawing[first](report=stop, cancel=cancel, keeper=keeper)
         assert partial.metadata["partial"]
         again = checkpoint.Keeper(path, lambda: "k", 1e9, 1e9, True)
-        assert again.found is not None
+        assert again.saved_state is not None
         same(complete, drawing[not first](keeper=again))
 
 

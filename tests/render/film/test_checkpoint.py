@@ -103,7 +103,7 @@ def test_a_picture_goes_on_with_the_same_bits(tmp_path: Path, case: str) -> None
     for row in range(0, len(complete.copies), max(1, len(complete.copies) // 20)):
         shutil.copy(complete.copies[row], tmp_path / "again")
         keeper = checkpoint.Keeper(tmp_path / "again", lambda: "k", 1e9, 1e9, True)
-        assert keeper.found is not None
+        assert keeper.saved_state is not None
         same(draw(case, keeper), expected)
 
 

@@ -227,9 +227,10 @@ def _no_photons(tables: ir.Tables, kind: type, beamed: np.ndarray | None = None,
     """Maps without photons, with those of media in scenes with scattering ones; see photon_beams.Beams."""
     from ..integrator.photon_maps import photon_beams, photon_map, photon_volume
 
-    maps, table = photon_map.empty(kind), tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
+    maps = photon_map.empty(kind)
     if medium_stack.scattering(tables) is None:
         return maps
+    table: Any = tables.materials.media  # pyright: ignore[reportAttributeAccessIssue]
     none = np.zeros(len(table.index), bool)
     beams = photon_beams.empty(kind, none if beamed is None else beamed, reach)
     return maps._replace(volume=photon_volume.empty(kind), beams=beams)

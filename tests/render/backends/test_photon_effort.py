@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import maquette
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from maquette.cli.main import cli
 from maquette.render.backends import photon_effort
 
 ROOM = """
@@ -51,3 +56,12 @@ def test_the_number_does_not_depend_on_threads(found):
     by_one, by_two = (found(BULB, error=0.3, samples=256, threads=n) for n in (1, 2))
     assert by_one[1] == by_two[1]
     assert np.array_equal(by_one[0], by_two[0])
+
+
+def test_photons_need_no_medium(tmp_path: Path) -> None:
+    """A scene with caustics of plain glass, without a medium, is explained."""
+    text = "sphere(1, material: glass())\nplane(y: -2)\nspot([0, 4, 0], look_at: [0, 0, 0])\ncamera([0, 1, 6], look_at: [0, 0, 0])\n"
+    (tmp_path / "a.scene").write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(cli, ["explain", str(tmp_path / "a.scene"), "--bounces", "3"])
+    assert done.exit_code == 0, done.output
+    assert re.search(r"transport\.caustics +photons", done.output)

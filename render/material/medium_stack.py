@@ -63,7 +63,7 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
         return Media(np.zeros(len(glass), np.int64), np.ones(1), np.zeros((1, 4))) if general else Air()
     rows = np.flatnonzero((glass | (column >= 0)) & used)
     ranks = np.maximum(values[rows, PRIORITY, 0], np.where(column[rows] >= 0, np.append(tables.media.priority, 0.0)[column[rows]], 0.0))
-    rows = rows[np.argsort(ranks, kind="stable")]
+    rows = rows[_order(tables, rows, ranks)]
     inside = np.where(column[rows] >= 0, column[rows], len(tables.media.priority) + rows)  # materials around one medium share a number
     first = 1 + len(fog)  # fog has the lowest priority
     kinds = list(dict.fromkeys(inside.tolist()))[-MASK + len(fog) :]
@@ -89,6 +89,20 @@ def media(tables: ir.Tables, general: bool = False, around: tuple[int, ...] = ()
     varying = _bodies(tables, number, len(media_rows), around, general)
     led = guides.build(scatter.extinction, scatter.scattering, _thickness(tables, media_rows, number, aimed), general)
     return record._replace(scatter=scatter._replace(bodies=varying, guides=led))
+
+
+def _order(tables: ir.Tables, rows: NDArray[np.int64], ranks: F64) -> NDArray[np.int64]:
+    """The order of materials by priority. Of equal ones media with invisible boundaries come first, the largest before the others.
+
+    So glass, bodies and smaller media in a box of haze are seen, in whatever order they are written.
+    """
+    clear, instances = traits.invisible(tables)[rows], tables.instances
+    bounds, matrix = tables.geometries.bounds[instances.geometry], tables.transforms.matrix[instances.transform]
+    with np.errstate(invalid="ignore"):
+        volumes = np.abs(np.prod(bounds[:, 1] - bounds[:, 0], axis=1) * np.linalg.det(matrix[:, :, :3]))
+    volumes = np.nan_to_num(volumes, nan=np.inf, posinf=np.inf)
+    sizes = np.array([volumes[instances.material == row].max(initial=0.0) for row in rows])
+    return np.lexsort((np.where(clear, -sizes, 0.0), ~clear, ranks))
 
 
 def _thickness(tables: ir.Tables, rows: NDArray[np.int64], number: NDArray[np.int64], aimed: NDArray[np.bool_]) -> F64:

@@ -9,6 +9,7 @@ from typing import Any
 import maquette
 import numpy as np
 import pytest
+from maquette.render.material import medium_stack
 
 LOOK = "camera(position: [0, 0, 4], look_at: [0, 0, 0], fov: 0.2deg)\n"
 SKY = "sky(radiance: 1)\n"
@@ -112,13 +113,26 @@ def test_a_camera_inside_of_a_medium(tmp_path: Path) -> None:
     assert seen(tmp_path, text, samples=16)[:3] == pytest.approx(np.exp(-1.5 * np.array([1, 2, 3])), rel=0.02)
 
 
-def test_three_nested_media(tmp_path: Path) -> None:
-    """The medium of the highest priority fills the volume where three balls lie in one another, whatever their order."""
-    balls = [f"sphere({r}, medium: medium(absorption: {a}, priority: {p}))\n" for r, a, p in ((1.5, 0.1, 0), (1, 0.4, 1), (0.5, 2, 2))]
+@pytest.mark.parametrize("priorities", [(0, 1, 2), (0, 0, 0)])
+def test_three_nested_media(tmp_path: Path, priorities: tuple[int, int, int]) -> None:
+    """The medium of the highest priority, or the smallest, fills the volume where three balls lie in one another, whatever their order."""
+    sizes = zip((1.5, 1, 0.5), (0.1, 0.4, 2), priorities, strict=True)
+    balls = [f"sphere({r}, medium: medium(absorption: {a}, priority: {p}))\n" for r, a, p in sizes]
     expected = math.exp(-(1.0 * 0.1 + 1.0 * 0.4 + 1.0 * 2))
     for order in ((0, 1, 2), (2, 1, 0), (1, 2, 0)):
         text = LOOK + SKY + "".join(balls[k] for k in order)
         assert seen(tmp_path, text, samples=16)[0] == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("inner", ["glass(ior: 1.5)", "subsurface(#c05030, radius: 2cm)", "openpbr(subsurface_weight: 1)"])
+def test_what_is_in_a_box_of_haze_is_seen_in_any_order(tmp_path: Path, inner: str) -> None:
+    """Glass and bodies have the priority of the haze. A box that came later hid them."""
+    shapes = [f"sphere(0.4, material: {inner})\n", "box(2, medium: medium(scattering: 0.1, absorption: 0.1))\n"]
+    for order, ball, box in ((shapes, 0, 1), (shapes[::-1], 1, 0)):
+        (tmp_path / "a.scene").write_text(LOOK + SKY + "".join(order), encoding="utf-8")
+        tables = maquette.load(tmp_path / "a.scene").tables
+        number = medium_stack.media(tables).number[tables.instances.material]
+        assert number[ball] > number[box] > 0
 
 
 def test_a_body_of_two_materials_has_one_medium(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from ...scene.row_records import ALL_RAYS
 from .. import placement
 from ..export import Export
 from ..export_job import ExportJob
-from ..media import is_clear
 from . import cameras, outline, words
 from .files import Files
 from .lights import Lights
@@ -116,7 +115,7 @@ class _Writer:
 
     def _tell_visibility(self, i: int) -> None:
         instances = self.tables.instances
-        if instances.visible[i] & ALL_RAYS != ALL_RAYS and not is_clear(self.tables, int(instances.material[i])):
+        if instances.visible[i] & ALL_RAYS != ALL_RAYS and not self.out.boundaries[instances.material[i]]:
             self.out.cannot("this shows in some rays only, and is carried for all", "instances", i)
 
     def _part(self, call: str, source: str) -> str:

@@ -18,7 +18,7 @@ EVEN = 1e-6  # relative difference of scales, or skew, that still counts as unif
 
 
 def lower(args: Mapping[str, Any], lowering: Lowering) -> Row | None:
-    """A rectangle, a disk or a sphere as its `shape` says."""
+    """A rectangle, a disk or a sphere as its `shape` says. Elements of other lights need no `profile`."""
     position = np.array(args["position"])
     towards = (0.0, -1.0, 0.0) if args["look_at"] is None else tuple(np.array(args["look_at"]) - position)
     frame = lowering.facing(tuple(position), towards, args["up"])
@@ -36,8 +36,9 @@ def lower(args: Mapping[str, Any], lowering: Lowering) -> Row | None:
         half = (math.sqrt(half[0] * half[1]), 0.0)
     area = (4.0 if shape == "sphere" else 1.0) * math.pi * half[0] ** 2 if disk else 4 * half[0] * half[1]
     radiance = args["luminance"] if args["flux"] is None else args["flux"] / (math.pi * area)
-    image = -1 if args["profile"] is None else lowering.image_file(args["profile"])
-    return Row(_KINDS[shape], radiance, frame=frame, size=half, image=image) if image >= 0 or args["profile"] is None else None
+    profile = args.get("profile")
+    image = -1 if profile is None else lowering.image_file(profile)
+    return Row(_KINDS[shape], radiance, frame=frame, size=half, image=image) if image >= 0 or profile is None else None
 
 
 KIND = ir.LightKind.RECTANGLE

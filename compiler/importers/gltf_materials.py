@@ -364,12 +364,12 @@ class Materials:
 
     def _source(self, texture: dict[str, Any]) -> int | None:
         """The number of a texture's image: that in KTX 2 where it can be read, else that of the texture itself, else WebP."""
-        packed, own = texture.get("extensions", {}).get("KHR_texture_basisu", {}).get("source"), texture.get("source")
-        if packed is not None and own is not None and (reason := ktx2.missing()):
+        packed, plain = texture.get("extensions", {}).get("KHR_texture_basisu", {}).get("source"), texture.get("source")
+        if packed is not None and plain is not None and (reason := ktx2.missing()):
             self.warn(f"the pictures beside those in KTX 2 are drawn: {reason}")
             packed = None
         webp = texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source")
-        return next((number for number in (packed, own, webp) if number is not None), None)
+        return next((number for number in (packed, plain, webp) if number is not None), None)
 
     def _image(self, texture: dict[str, Any], color: bool) -> int:
         """The row of a texture's image; NONE and a warning if it cannot be read."""

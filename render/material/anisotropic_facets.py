@@ -88,16 +88,16 @@ def sample_visible_normal(facets_: Facets, normal: Vec, to_viewer: Vec, u: Lane,
 
 
 @helper
-def _own(own: Vec, normal: Vec) -> Vec:
-    return own
+def _normal_of_coat(coat: Vec, normal: Vec) -> Vec:
+    return coat
 
 
-coat_normal = specialize_if_present(_own)  # the coat's own normal, that of the base: the normal of the coat
+coat_normal = specialize_if_present(_normal_of_coat)  # the coat's own normal, that of the base: the normal of the coat
 
 
 @helper
-def _own_of_lanes(own: Vec, normal: Vec, on_coat: Lane) -> Vec:
-    return ops.where3(on_coat, own, normal)
+def _normal_of_lanes(coat: Vec, normal: Vec, on_coat: Lane) -> Vec:
+    return ops.where3(on_coat, coat, normal)
 
 
-facets_normal = specialize_if_present(_own_of_lanes)  # the coat's own normal, that of the base, lanes of the coat
+facets_normal = specialize_if_present(_normal_of_lanes)  # the coat's own normal, that of the base, lanes of the coat

@@ -143,21 +143,21 @@ def _flake_at(flakes: Flakes, default: Any, tables: Tables, surface: Surface, fa
     here = here & (_number(third) < number_of(tables, surface, COVERAGE))
     tilt = ops.clip(number_of(tables, surface, TILT), 0.0, 1.0)
     tilt = ops.where(here, tilt * tilt, 0.0)
-    own = ops.maximum(facets.alpha / ops.sqrt(facets.alpha * facets.alpha + tilt * tilt), ops.minimum(facets.alpha, 1.0))
+    factor = ops.maximum(facets.alpha / ops.sqrt(facets.alpha * facets.alpha + tilt * tilt), ops.minimum(facets.alpha, 1.0))
     frame = instance_transform.transform_at(tables, ops.to_int(tables.instances.transform[surface.instance]), surface.time)
     many = ops.maximum(_flakes_of_sample(flakes, surface, size * interaction.mean_scale(frame.matrix)), 1.0)
-    share = ops.sqrt(ops.maximum(1.0 - (1.0 - own * own) / many, 0.0))
+    share = ops.sqrt(ops.maximum(1.0 - (1.0 - factor * factor) / many, 0.0))
     height, turn = 2.0 * _number(again) - 1.0, (2.0 * math.pi / 2048.0) * ops.to_float((again >> 20) & 2047)
     flat = ops.sqrt(ops.maximum(1.0 - height * height, 0.0))
     way = affine.transform_vector12(frame.matrix, (flat * ops.cos(turn), flat * ops.sin(turn), height))
     dx, dy = ops.dot(way, facets.along), ops.dot(way, facets.across)
     length = ops.sqrt(ops.maximum(dx * dx + dy * dy, 1e-30))
     slope = ops.where(here, flake_tilts.size_of_tilt(flakes.tilts, share, _number(key)), 0.0) / length
-    first, second = facets.first / own, facets.second / own
+    first, second = facets.first / factor, facets.second / factor
     return Flake(
         here, ops.clip(slope * dx * first, -STEEPEST, STEEPEST), ops.clip(slope * dy * second, -STEEPEST, STEEPEST),
         ops.where(here, first * share, facets.first), ops.where(here, second * share, facets.second),
-        ops.where(here, first, facets.first), ops.where(here, second, facets.second), ops.where(here, facets.alpha / own, facets.alpha),
+        ops.where(here, first, facets.first), ops.where(here, second, facets.second), ops.where(here, facets.alpha / factor, facets.alpha),
     )  # fmt: skip
 
 
@@ -190,17 +190,17 @@ def is_active(flake: Flake) -> bool:
 
 
 @helper
-def _own(flake: Flake, facets: Facets) -> Facets:
+def _flake_facets(flake: Flake, facets: Facets) -> Facets:
     return Facets(facets.along, facets.across, flake.first, flake.second, flake.all_alpha)
 
 
 @helper
 def _shifted(flake: Flake, plain: tuple[Lane, Lane], facets: Facets, normal: Vec, half: Vec, to_viewer: Vec) -> tuple[Lane, Lane]:
     x, y, z = anisotropic_facets.to_frame(facets, normal, half)
-    own = _own(flake, facets)
-    strength = anisotropic_facets.distribution(own, (x - flake.along * z, y - flake.across * z, z))
+    flake_facets = _flake_facets(flake, facets)
+    strength = anisotropic_facets.distribution(flake_facets, (x - flake.along * z, y - flake.across * z, z))
     seen = _seen_from(flake, anisotropic_facets.to_frame(facets, normal, to_viewer))
-    size = ops.maximum(seen[2] + anisotropic_facets.reach(own, seen), anisotropic_facets.LEAST)
+    size = ops.maximum(seen[2] + anisotropic_facets.reach(flake_facets, seen), anisotropic_facets.LEAST)
     return ops.where(flake.here, strength, plain[0]), ops.where(flake.here, size, plain[1])
 
 
@@ -212,12 +212,12 @@ def _seen_from(flake: Flake, direction: Vec) -> Vec:
 
 @helper
 def _tilted(flake: Flake, plain: Vec, facets: Facets, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, straight: Lane) -> Vec:
-    own, (x, y, z) = _own(flake, facets), _seen_from(flake, anisotropic_facets.to_frame(facets, normal, to_viewer))
-    x, y, z = ops.normalize((own.first * x, own.second * y, z))
+    flake_facets, (x, y, z) = _flake_facets(flake, facets), _seen_from(flake, anisotropic_facets.to_frame(facets, normal, to_viewer))
+    x, y, z = ops.normalize((flake_facets.first * x, flake_facets.second * y, z))
     turn = (2.0 * math.pi) * v
     height = (1.0 - u) * (1.0 + z) - z
     flat = ops.sqrt(ops.maximum(1.0 - height * height, 0.0))
-    x, y = own.first * (flat * ops.cos(turn) + x), own.second * (flat * ops.sin(turn) + y)
+    x, y = flake_facets.first * (flat * ops.cos(turn) + x), flake_facets.second * (flat * ops.sin(turn) + y)
     z = ops.maximum(height + z, anisotropic_facets.LEAST)
     half = ops.normalize(ops.in_basis(facets.along, facets.across, normal, x + flake.along * z, y + flake.across * z, z))
     return ops.where3(flake.here & ops.not_(straight), half, plain)

@@ -86,8 +86,8 @@ def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMap
         first[g] = count
         parts.append(tangents)
         count += len(tangents)
-    own = (tables.materials.values[:, COAT_NORMAL, 2] > 0.0) & traits.used(tables)
-    return Tangents(first, np.concatenate(parts), 1, CoatNormals(1) if own.any() else NoCoatNormals())
+    separate = (tables.materials.values[:, COAT_NORMAL, 2] > 0.0) & traits.used(tables)
+    return Tangents(first, np.concatenate(parts), 1, CoatNormals(1) if separate.any() else NoCoatNormals())
 
 
 def mesh_tangents(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
@@ -231,7 +231,7 @@ def _apply_with_coats(tables: Any, point: Surface, hit: Hit, direction: Vec) -> 
 @noinline_helper
 def _coat_normal(tables: Tables, point: Surface, base: Vec, hit: Hit, direction: Vec) -> Vec:
     """The normal of the coat at a surface without maps: its own, or that of the base."""
-    own = tables.materials.values[point.material, COAT_NORMAL, 2] > 0.0
+    is_separate = tables.materials.values[point.material, COAT_NORMAL, 2] > 0.0
     turned = tables.materials.textures[point.material, COAT_NORMAL] >= 0
     zero = ops.full_like(point.offset, 0.0)
     side = ops.where(point.front, zero + 1.0, zero - 1.0)
@@ -241,7 +241,7 @@ def _coat_normal(tables: Tables, point: Surface, base: Vec, hit: Hit, direction:
         outward = ops.scale(point.normal, side)
         turned_to = _mapped(tables, point, hit, COAT_NORMAL, place, outward)
         normal = ops.where3(turned, ops.scale(turned_to, side), normal)
-    return ops.where3(own, bend_to_viewer(normal, point.geometric, ops.negate(direction)), base)
+    return ops.where3(is_separate, bend_to_viewer(normal, point.geometric, ops.negate(direction)), base)
 
 
 @helper

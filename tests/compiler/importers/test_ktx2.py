@@ -77,14 +77,14 @@ def test_colours_are_decoded_and_data_are_not():
 
 @needs_package
 def test_damage_is_said():
-    whole = SAMPLES["ETC1S"]
-    for end in (*range(12, 80, 4), *range(80, len(whole), 7)):
+    content = SAMPLES["ETC1S"]
+    for end in (*range(12, 80, 4), *range(80, len(content), 7)):
         with pytest.raises(ImageError, match=r"the picture `a\.ktx2` (is damaged|has no codec)"):
-            images.read(whole[:end], "a.ktx2")
+            images.read(content[:end], "a.ktx2")
     generator = np.random.default_rng(7)
     for _ in range(300):  # a changed byte is an error of ours, or changes pixels
-        changed = bytearray(whole)
-        changed[generator.integers(12, len(whole))] ^= int(generator.integers(1, 256))
+        changed = bytearray(content)
+        changed[generator.integers(12, len(content))] ^= int(generator.integers(1, 256))
         with contextlib.suppress(ImageError):
             assert np.isfinite(images.read(bytes(changed), "a.ktx2", limit=4096).texels).all()
 

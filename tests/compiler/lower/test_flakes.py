@@ -51,10 +51,10 @@ WRONG = {
 
 @pytest.mark.parametrize("material", WRONG)
 def test_flakes_elsewhere_are_errors(tmp_path: Path, material: str) -> None:
-    path, found = tmp_path / "a.scene", Diagnostics()
+    path, diagnostics = tmp_path / "a.scene", Diagnostics()
     path.write_text(f"sphere(1, material: {material})" + REST, encoding="utf-8")
     with pytest.raises(SceneError):
-        load.load(path, diagnostics=found)
-    assert len(found.items) == 1, [d.message for d in found.items]
-    assert WRONG[material] in found.items[0].message + found.items[0].hint
-    assert found.items[0].span is not None
+        load.load(path, diagnostics=diagnostics)
+    assert len(diagnostics.items) == 1, [d.message for d in diagnostics.items]
+    assert WRONG[material] in diagnostics.items[0].message + diagnostics.items[0].hint
+    assert diagnostics.items[0].span is not None

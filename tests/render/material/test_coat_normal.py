@@ -85,8 +85,8 @@ def test_a_coat_that_leans_by_nothing_is_the_plain_one():
     turns, heights = rng.uniform(0, 6.28, (2, 100)), rng.uniform(0.05, 1, (2, 100))
     light, viewer = ((np.sqrt(1 - h * h) * np.cos(t), h, np.sqrt(1 - h * h) * np.sin(t)) for t, h in zip(turns, heights, strict=True))
     up = lanes(UP, turns[0])
-    one, two = (bsdf.reflected(shader, up, light, viewer) for shader in (leaning(0.0)[1], point_of(given(coat_weight=1))[1]))
-    assert np.array(one) == pytest.approx(np.array(two), rel=1e-12)
+    upright, plain = (bsdf.reflected(shader, up, light, viewer) for shader in (leaning(0.0)[1], point_of(given(coat_weight=1))[1]))
+    assert np.array(upright) == pytest.approx(np.array(plain), rel=1e-12)
 
 
 @pytest.mark.parametrize(("lean", "angle", "turn"), [(0.3, 0.4, 0.0), (0.3, 0.9, 2.0), (0.6, 0.2, 1.0)])

@@ -129,8 +129,8 @@ def test_samples_of_a_flake_follow_the_density(angle, place):
 
     def density(directions):
         flat = [np.ravel(c) for c in np.broadcast_arrays(*directions)]
-        one = shader_of(flaked(specular_roughness=0.5, tilt=0.6, coat_weight=0.5, coat_roughness=0.4), 0.1, len(flat[0]), place)[0]
-        value = bsdf.eval_bsdf_pdf(one, USES, lanes(UP, flat[0]), tuple(flat), lanes(towards(angle, 0.8), flat[0]))[1]
+        shader = shader_of(flaked(specular_roughness=0.5, tilt=0.6, coat_weight=0.5, coat_roughness=0.4), 0.1, len(flat[0]), place)[0]
+        value = bsdf.eval_bsdf_pdf(shader, USES, lanes(UP, flat[0]), tuple(flat), lanes(towards(angle, 0.8), flat[0]))[1]
         return value.reshape(np.broadcast(*directions).shape)
 
     chi2(sample.direction, sample.direction[1] > 0, density)

@@ -91,8 +91,8 @@ def test_random_slabs_are_reciprocal(seed):
     angles, turns = rng.uniform(0, 1.5, (2, 100)), rng.uniform(0, 2 * math.pi, (2, 100))
     pair = [(np.sin(a) * np.cos(t), np.cos(a), np.sin(a) * np.sin(t)) for a, t in zip(angles, turns, strict=True)]
     up = lanes(UP, angles[0])
-    there, back = bsdf.reflected(shader, up, *pair), bsdf.reflected(shader, up, *reversed(pair))
-    for a, b in zip(there, back, strict=True):
+    forward, backward = bsdf.reflected(shader, up, *pair), bsdf.reflected(shader, up, *reversed(pair))
+    for a, b in zip(forward, backward, strict=True):
         assert np.allclose(a / pair[0][1], b / pair[1][1], rtol=1e-5)
 
 

@@ -97,17 +97,17 @@ MAPS = """
      ("ND_gltf_pbr_surfaceshader", "clearcoat", "clearcoat_normal")],
 )  # fmt: skip
 @pytest.mark.parametrize(
-    ("base", "own", "values", "mapped"),
+    ("base", "coat_map", "values", "mapped"),
     [("a", "", (0, 0, 1), False), ("a", "b", (1, 1, 1), True), ("", "b", (1, 1, 1), True), ("a", "a", (0, 0, 0), False),
      ("", "", (0, 0, 0), False)],
 )  # fmt: skip
-def test_normals_of_coats(tmp_path, kind, coat, coat_normal, base, own, values, mapped):
+def test_normals_of_coats(tmp_path, kind, coat, coat_normal, base, coat_map, values, mapped):
     """A coat without a normal of its own is smooth: the default is the geometric normal."""
     for name in "ab":
         write_image(tmp_path / f"{name}.png", np.full((2, 2, 3), (140, 128, 250), np.uint8))
     normal = "geometry_normal" if kind.startswith("ND_open") else "normal"
     lines = [f"float inputs:{coat} = 1"]
-    lines += [f"vector3f inputs:{name}.connect = </m/{at}.outputs:out>" for name, at in ((normal, base), (coat_normal, own)) if at]
+    lines += [f"vector3f inputs:{name}.connect = </m/{at}.outputs:out>" for name, at in ((normal, base), (coat_normal, coat_map)) if at]
     scene, messages = drawn(tmp_path, "\n".join(lines), kind, "".join(MAPS.format(name=name) for name in "ab"))
     m = scene.tables.materials
     assert messages == []

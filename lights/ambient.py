@@ -32,4 +32,4 @@ ELEMENTS = (
     ),
 )
 FORM, HAS_ANGLE, HAS_IMAGE = Form.AMBIENT, False, False
-profile = widest = usd = gltf = povray = mitsuba = None
+profile = widest = source = usd = gltf = povray = mitsuba = None

@@ -193,6 +193,8 @@ class Light(Protocol):
     """
     widest: Callable[[ir.Lights, int], float] | None
     """The angle in radians from its axis beyond which `profile` is 0; None: half a turn, or a quarter of a surface."""
+    source: Callable[[ir.Lights, int], Mapping[str, float]] | None
+    """Arguments of its element beyond those of its form, in SI units and radians, as `convert a.usda a.scene` writes them."""
     usd: Callable[[ExportedLight], UsdLight] | None
     gltf: Callable[[ExportedLight], GltfLight] | None
     povray: Callable[[ExportedLight, Text], PovrayLight] | None

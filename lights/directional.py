@@ -32,7 +32,7 @@ ELEMENTS = (
     ),
 )
 FORM, HAS_ANGLE, HAS_IMAGE = Form.DISTANT, False, False
-profile = widest = None
+profile = widest = source = None
 
 
 def usd(light: ExportedLight) -> UsdLight:

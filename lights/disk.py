@@ -8,7 +8,7 @@ from .contract import ExportedLight, Form, UsdLight
 KIND = ir.LightKind.DISK
 ELEMENTS = ()
 FORM, HAS_ANGLE, HAS_IMAGE = Form.DISK, False, False
-profile = widest = gltf = povray = mitsuba = None
+profile = widest = source = gltf = povray = mitsuba = None
 
 
 def usd(light: ExportedLight) -> UsdLight:

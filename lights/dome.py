@@ -68,4 +68,4 @@ ELEMENTS = (
     ),
 )
 FORM, HAS_ANGLE, HAS_IMAGE = Form.SKY, False, True
-profile = widest = gltf = povray = mitsuba = None
+profile = widest = source = gltf = povray = mitsuba = None

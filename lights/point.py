@@ -44,7 +44,7 @@ ELEMENTS = (
     ),
 )
 FORM, HAS_ANGLE, HAS_IMAGE = Form.POINT, False, False
-profile = widest = None
+profile = widest = source = None
 
 
 def usd(light: ExportedLight) -> UsdLight:

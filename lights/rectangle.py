@@ -62,7 +62,7 @@ ELEMENTS = (
     ),
 )
 FORM, HAS_ANGLE, HAS_IMAGE = Form.RECTANGLE, False, False
-profile = widest = gltf = povray = mitsuba = None
+profile = widest = source = gltf = povray = mitsuba = None
 
 
 def usd(light: ExportedLight) -> UsdLight:

@@ -66,7 +66,7 @@ ELEMENTS = (
     ),
 )
 FORM, HAS_ANGLE, HAS_IMAGE = Form.SKY, False, False
-profile = widest = gltf = povray = mitsuba = None
+profile = widest = source = gltf = povray = mitsuba = None
 
 
 def usd(light: ExportedLight) -> UsdLight:

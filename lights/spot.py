@@ -81,6 +81,11 @@ def widest(lights: ir.Lights, row: int) -> float:
     return float(np.arccos(np.clip(lights.cos_cone[row], -1.0, 1.0)))
 
 
+def source(lights: ir.Lights, row: int) -> Mapping[str, float]:
+    cone, full = (math.acos(min(max(float(cosine[row]), -1.0), 1.0)) for cosine in (lights.cos_cone, lights.cos_full))
+    return {"cone": cone, "soft": cone - full}
+
+
 def usd(light: ExportedLight) -> UsdLight:
     softness = 1.0 - light.full / light.cone if light.cone > 0 else 0.0
     shaping = {"ShapingConeAngle": math.degrees(light.cone), "ShapingConeSoftness": softness}

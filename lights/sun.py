@@ -36,6 +36,10 @@ profile = widest = None
 povray, mitsuba = directional.povray, directional.mitsuba
 
 
+def source(lights: ir.Lights, row: int) -> Mapping[str, float]:
+    return {"angle": 2.0 * float(lights.angle[row])}
+
+
 def usd(light: ExportedLight) -> UsdLight:
     return UsdLight("DistantLight", {"Angle": 2.0 * math.degrees(light.angle), "Normalize": True})
 

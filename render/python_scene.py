@@ -88,7 +88,8 @@ class Scene(ir.Scene):
             place = Path(_pictures() if folder is None else folder).absolute()
             for name, data in out.files.items():
                 replace_file(place / name, data)
-            UsdUtils.ModifyAssetPaths(stage.GetRootLayer(), lambda path: str(place / path[2:]) if path.startswith("./") else path)
+            modify: Any = UsdUtils.ModifyAssetPaths  # pyright: ignore[reportAttributeAccessIssue]
+            modify(stage.GetRootLayer(), lambda path: str(place / path[2:]) if path.startswith("./") else path)
         if diagnostics is None:
             python_options.warn(out.diagnostics, 2)
         else:

@@ -76,6 +76,8 @@ export_to_all("a.scene")
 assert "the beam of a panel is not carried: it shines evenly" in run("convert a.scene a.usda")
 assert "an area light is not carried: POV-Ray draws lights without extent" in run("convert a.scene a.pov")
 assert "an area light that is not seen is not carried" in run("convert a.scene a.xml")
+run("convert a.scene b.scene")
+assert "panel([" in open("b.scene").read()
 from maquette.lang.reference_page import reference
 assert "## panel" in reference({})["reference/lights.md"]
 run("render a.scene -o a.exr --size 41x1 --samples 1 --bounces 0 --backend reference -q")

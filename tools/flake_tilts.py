@@ -50,7 +50,7 @@ def bessel_k1(x: F64) -> F64:
 def radial(c: float, radius: F64) -> F64:
     """P(|S| < radius) of the tilts that take facets from α = c to α = 1."""
     step = DECAY / (1.0 - c) / STEPS
-    k = (np.arange(STEPS) + 0.5) * step
+    k: F64 = (np.arange(STEPS, dtype=np.float64) + 0.5) * step
     ratio = bessel_k1(k) / np.maximum(bessel_k1(c * k), 1e-300) * np.exp(-(1.0 - c) * k)
     return np.array([r * float(np.sum(ratio * bessel_j1(k * r))) * step for r in radius])
 

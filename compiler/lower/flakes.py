@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ...materials import metal, openpbr, principled
@@ -45,7 +46,7 @@ def _slabs(row: MaterialData) -> MaterialData:
     raise NoFacetsError(f"flakes tilt the facets of {KINDS}, and this material has none", f"use one of {KINDS}")
 
 
-def _of_principled(inputs: dict[ir.Slot, Input]) -> MaterialData:
+def _of_principled(inputs: Mapping[ir.Slot, Input]) -> MaterialData:
     """The same base and coat; sheen as fuzz. Slabs have no ambient occlusion."""
     if inputs[Slot.AMBIENT] != Input.number(1.0):
         raise NoFacetsError("flakes: `occlusion` of principled(…) is an input that slabs of flakes do not have", "leave out `occlusion`")

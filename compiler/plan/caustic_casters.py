@@ -140,7 +140,7 @@ def _confined(tables: ir.Tables) -> bool:
         widest = LIGHTS[int(lit.kind[k])].widest if lit.kind[k] in POINTS else None
         fills = False
         if widest is not None:
-            off = np.arccos(np.clip(way @ lit.direction[k] / away, -1.0, 1.0)) + widest(lit, k)
+            off = np.arccos(np.clip(way @ lit.direction[k] / away, -1.0, 1.0)) + widest(lit, int(k))
             fills = bool((off < np.arcsin(np.clip(radius / away, 0.0, 1.0))).any())
         if not (bulb or fills):
             return False

@@ -1,5 +1,7 @@
 """Scene.to_usd: the stage that `convert` writes, in memory."""
 
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from pathlib import Path

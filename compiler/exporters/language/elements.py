@@ -28,7 +28,7 @@ class Values:
     """The arguments of an element, as materials.contract.Arguments. A texture is any number."""
 
     def __init__(self, entry: Entry, values: Mapping[str, Any], textures: Mapping[str, int]) -> None:
-        self.args: dict[str, Any] = {arg.name: _default(arg) for arg in entry.args} | dict(values)
+        self.args: Mapping[str, Any] = {arg.name: _default(arg) for arg in entry.args} | dict(values)
         self._textures, self.medium_data, self.errors = textures, None, list[str]()
 
     def color(self, name: str) -> Input:
@@ -48,7 +48,7 @@ class Values:
         self.medium_data: MediumData | None = medium
         return 0
 
-    def normals(self, picture: Any) -> Input:
+    def normals(self, element: Any) -> Input:
         return Input(WHITE)
 
     def part(self, name: str) -> int:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from ....lights import SKIES
+from ....lights import LIGHTS
+from ....lights.contract import Form, Light
 from ... import ir
+from ...catalogue import CATALOGUE
 from ...ir.light_links import CASTERS, EVERYTHING
 from ...scene import transforms
 from ..export import Export
@@ -17,9 +17,10 @@ from .outline import written_name
 from .places import decomposed
 from .textures import Textures
 
-Kind = ir.LightKind
 _CLOSE = 1e-9
-_FORMS = {Kind.RECTANGLE: None, Kind.DISK: '"disk"', Kind.SPHERE: '"sphere"'}
+_SHAPES = {Form.DISK: '"disk"', Form.SPHERE: '"sphere"'}
+Written = tuple[str, list[str], dict[str, str]]
+"""The name of an element, its arguments without a name, and those by name."""
 
 
 class Lights:
@@ -29,21 +30,26 @@ class Lights:
         self.out, self.textures, self.tables = out, textures, out.scene.tables
         self._unit = photometric
 
-    def text(self, row: int) -> str | None:
-        """The element of a light; None, after a report, without one."""
-        kind = Kind(int(self.tables.lights.kind[row]))
-        if kind in (Kind.POINT, Kind.SPOT):
-            return self._point(row, kind)
-        if kind in (Kind.DIRECTIONAL, Kind.SUN):
-            return self._distant(row, kind)
-        if kind in SKIES:
-            return self._sky(row)
-        if kind == Kind.AMBIENT:
-            return words.call("ambient", **self._strength(row, "luminance", "nit"), **self._common(row))
-        if kind in _FORMS:
-            return self._area(row, kind)
-        self.out.cannot(f"a {kind.name.lower()} light is not carried", "lights", row)
-        return None
+    def text(self, row: int) -> str:
+        """The element of a light."""
+        light = LIGHTS[int(self.tables.lights.kind[row])]
+        write = {Form.POINT: self._point, Form.DISTANT: self._distant, Form.SKY: self._sky, Form.AMBIENT: self._ambient}
+        name, place, texts = write.get(light.FORM, self._area)(row, light)
+        texts |= self._source(row, light) | self._common(row)
+        entry = CATALOGUE[name]
+        for argument in [argument for argument in texts if entry.arg(argument) is None]:
+            self.out.cannot(f"`{argument}` of a {name} light is not carried", "lights", row)
+            texts.pop(argument)
+        return words.call(name, *place, **texts)
+
+    def _source(self, row: int, light: Light) -> dict[str, str]:
+        """The arguments that its kind of light has beyond those of its form."""
+        if light.source is None:
+            return {}
+        entry = light.ELEMENTS[0].entry
+        kinds = {argument.name: argument.type for argument in entry.args}
+        values = light.source(self.tables.lights, row)
+        return {name: (words.degrees if kinds.get(name) == "angle" else words.number)(value) for name, value in values.items()}
 
     def emits(self, row: int) -> str:
         """The material of a visible ball that is a light."""
@@ -66,14 +72,14 @@ class Lights:
     def _common(self, row: int) -> dict[str, str]:
         lights, names = self.tables.lights, self.out.scene.names
         texts: dict[str, str] = {}
-        if not lights.shadows[row] and lights.kind[row] != Kind.AMBIENT:
+        if not lights.shadows[row] and LIGHTS[int(lights.kind[row])].FORM != Form.AMBIENT:
             texts["shadows"] = "false"
         for argument, mask, every in (("receivers", lights.receivers[row], EVERYTHING), ("blockers", lights.blockers[row], CASTERS)):
             if mask != every:
                 texts[argument] = self._members(int(mask))
         if names.groups and names.groups[row]:
             texts["group"] = words.string(names.groups[row])
-        if row < len(names.lights) and names.lights[row] and names.lights[row] != Kind(int(lights.kind[row])).name.lower():
+        if row < len(names.lights) and names.lights[row] and names.lights[row] != ir.LightKind(int(lights.kind[row])).name.lower():
             texts["name"] = words.string(names.lights[row])
         return texts
 
@@ -85,20 +91,21 @@ class Lights:
         )
         return f"[{', '.join(map(words.string, chosen))}]" if chosen else '["!*"]'
 
-    def _point(self, row: int, kind: ir.LightKind) -> str:
+    def _ambient(self, row: int, light: Light) -> Written:
+        return "ambient", [], self._strength(row, "luminance", "nit")
+
+    def _point(self, row: int, light: Light) -> Written:
         lights = self.tables.lights
         position, texts = lights.position[row], self._strength(row, "intensity", "cd")
         if lights.falloff[row] == ir.FalloffKind.POLYNOMIAL:
             texts["falloff"] = words.numbers(lights.coefficients[row])
         elif lights.falloff[row] == ir.FalloffKind.RAMP:
             texts["falloff"] = f"ramp({', '.join(map(words.number, lights.coefficients[row, :2]))})"
-        if kind == Kind.SPOT:
-            cone, full = (float(np.arccos(np.clip(cosine[row], -1.0, 1.0))) for cosine in (lights.cos_cone, lights.cos_full))
-            texts |= {"look_at": words.numbers(_tidy(position + lights.direction[row])), "cone": words.degrees(cone)}
-            texts["soft"] = words.degrees(cone - full)
+        if light.profile is not None:
+            texts["look_at"] = words.numbers(_tidy(position + lights.direction[row]))
         elif lights.image[row] >= 0:
             texts |= self._profile(row) | self._turn(row)
-        return words.call(kind.name.lower(), words.numbers(_tidy(position)), **texts, **self._common(row))
+        return light.ELEMENTS[0].entry.name, [words.numbers(_tidy(position))], texts
 
     def _profile(self, row: int) -> dict[str, str]:
         return {"profile": words.string(self.textures.picture(int(self.tables.lights.image[row])).file)}
@@ -111,39 +118,35 @@ class Lights:
     def _frame(self, row: int) -> F64:
         return square(self.tables.transforms.matrix[self.tables.lights.transform[row]])
 
-    def _distant(self, row: int, kind: ir.LightKind) -> str:
-        lights = self.tables.lights
-        texts: Mapping[str, str] = self._strength(row, "illuminance", "lx")
-        towards = words.numbers(_direction(lights.direction[row]))
-        angle = {"angle": words.degrees(2.0 * float(lights.angle[row]))} if kind == Kind.SUN else {}
-        return words.call(kind.name.lower(), towards, **texts, **angle, **self._common(row))
+    def _distant(self, row: int, light: Light) -> Written:
+        towards = words.numbers(_direction(self.tables.lights.direction[row]))
+        return light.ELEMENTS[0].entry.name, [towards], self._strength(row, "illuminance", "lx")
 
-    def _sky(self, row: int) -> str:
+    def _sky(self, row: int, light: Light) -> Written:
         image = int(self.tables.lights.image[row])
         texts = self._strength(row, "luminance", "nit")
         if image >= 0:
-            return words.call("dome", words.string(self.textures.picture(image).file), **texts, **self._turn(row), **self._common(row))
+            return "dome", [words.string(self.textures.picture(image).file)], texts | self._turn(row)
         if self._unit and "color" in texts:  # a sky of a color with a unit stands above ground
-            color = texts.pop("color")
-            return words.call("dome", pattern=f"|x, y, z| {color}", **texts, **self._common(row))
-        return words.call("sky", **texts, **self._common(row))
+            return "dome", [], {"pattern": f"|x, y, z| {texts.pop('color')}", **texts}
+        return "sky", [], texts
 
-    def _area(self, row: int, kind: ir.LightKind) -> str:
+    def _area(self, row: int, light: Light) -> Written:
         lights, frame = self.tables.lights, self._frame(row)
         position, towards = frame[:3, 3], frame[:3, 1]
-        texts = {} if kind == Kind.SPHERE and lights.image[row] < 0 else {"look_at": words.numbers(_tidy(position + towards))}
+        texts = {} if light.FORM == Form.SPHERE and lights.image[row] < 0 else {"look_at": words.numbers(_tidy(position + towards))}
         plain = transforms.facing(tuple(position), tuple(towards))
         if texts and plain is not None and np.abs(plain - frame).max() > _CLOSE:
             texts["up"] = words.numbers(_direction(-frame[:3, 2]))
         size = 2.0 * lights.size[row]
-        texts["size"] = words.one_or_all(size if kind == Kind.RECTANGLE else size[:1])
-        texts |= {"shape": form} if (form := _FORMS[kind]) else {}
+        texts["size"] = words.one_or_all(size if light.FORM == Form.RECTANGLE else size[:1])
+        texts |= {"shape": _SHAPES[light.FORM]} if light.FORM in _SHAPES else {}
         texts |= self._strength(row, "luminance", "nit")
-        if lights.instance[row] < 0:
-            texts["visible"] = "false"
         if lights.image[row] >= 0:
             texts |= self._profile(row)
-        return words.call("area", words.numbers(_tidy(position)), **texts, **self._common(row))
+        if light.profile is not None:  # an element of its own, which is never seen
+            return light.ELEMENTS[0].entry.name, [words.numbers(_tidy(position))], texts
+        return "area", [words.numbers(_tidy(position))], texts | ({"visible": "false"} if lights.instance[row] < 0 else {})
 
 
 def _tidy(values: F64) -> F64:

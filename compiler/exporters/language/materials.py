@@ -155,7 +155,7 @@ class Materials:
         texts: dict[str, str] = {}
         opacity, texture = material.number(Slot.OPACITY), material.texture(Slot.OPACITY)
         if texture >= 0:
-            texts["opacity"] = self.textures.name(texture, "opacity", (opacity,) * 3, self._of("opacity")) or "1"
+            texts["opacity"] = self.textures.name(texture, "opacity", (opacity, opacity, opacity), self._of("opacity")) or "1"
         elif opacity != 1.0:
             texts["opacity"] = words.number(opacity)
         if material.materials.threshold[row] > 0.0:
@@ -214,7 +214,8 @@ class Materials:
             if any(entry.arg(argument).default is None and argument in form.slots for argument in group):  # type: ignore[union-attr]
                 for argument in group:
                     if entry.arg(argument).default is not None:  # type: ignore[union-attr]
-                        values.pop(argument, None), textures.pop(argument, None)
+                        values.pop(argument, None)
+                        textures.pop(argument, None)
         tokens = {argument: number for number, argument in enumerate(textures)}
         lowered, arguments = elements.lower(form.element, values, tokens)
         rows = [texture for texture, _ in textures.values()]

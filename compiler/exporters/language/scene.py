@@ -51,7 +51,7 @@ class _Writer:
 
     def text(self) -> str:
         objects = list(outline.statements(list(self._items())))
-        lights = [text for row in self._own_lights() if (text := self.lights.text(row))]
+        lights = [self.lights.text(row) for row in self._own_lights()]
         if not len(self.tables.lights.kind) and not self._is_lit():
             lights = ["sky(luminance: 0)  // no light but what emits"]
         scene = self.job.scene
@@ -148,8 +148,8 @@ class _Writer:
         if lights.kind[row] == ir.LightKind.SPHERE and lights.image[row] < 0 and not self.lights.is_linked(row):
             ball = words.call("sphere", words.number(float(lights.size[row, 0])))
             yield Item(path, ball, place(placement.world(self.tables, i)), self.lights.emits(row))
-        elif (text := self.lights.text(row)) is not None:
-            yield Item(path, "", Place({}), text=text)
+        else:
+            yield Item(path, "", Place({}), text=self.lights.text(row))
 
     def _own_lights(self) -> list[int]:
         """The lights that are no instances, and shine."""

@@ -29,7 +29,7 @@ def numbers(values: Iterable[float]) -> str:
     return f"[{', '.join(map(number, values))}]"
 
 
-def one_or_all(values: Sequence[float]) -> str:
+def one_or_all(values: Sequence[float] | np.ndarray) -> str:
     """A list of numbers, or the number if they are equal."""
     return number(values[0]) if len({float(v) for v in values}) == 1 else numbers(values)
 

@@ -1,5 +1,7 @@
 """MaterialX in USD files that are written: slabs and patterns come back, and the package MaterialX finds the graphs valid."""
 
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from pathlib import Path

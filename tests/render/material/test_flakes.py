@@ -1,5 +1,7 @@
 """Tests of flakes: the filter over a pixel keeps every mean, samples follow the density, no light is gained."""
 
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import math

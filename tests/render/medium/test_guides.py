@@ -1,5 +1,7 @@
 """Guided walks in thick bodies: where they are used, their densities, colours of half spaces, lamps inside, equal means of both ways."""
 
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 import math
@@ -43,7 +45,7 @@ def test_the_thickness_of_shapes(tmp_path: Path, shape: str, expected: float) ->
     path = tmp_path / "a.scene"
     path.write_text(LOOK + SKY + shape.format("material: subsurface(#c86)"), encoding="utf-8")
     tables = maquette.load(path).tables
-    rows = np.unique(tables.materials.medium[tables.materials.medium >= 0])
+    rows = np.unique(tables.materials.medium[tables.materials.medium >= 0]).astype(np.int64)
     assert thickness.of_media(tables, rows)[0] == pytest.approx(expected, rel=0.03)
 
 

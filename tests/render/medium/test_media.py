@@ -131,7 +131,8 @@ def test_what_is_in_a_box_of_haze_is_seen_in_any_order(tmp_path: Path, inner: st
     for order, ball, box in ((shapes, 0, 1), (shapes[::-1], 1, 0)):
         (tmp_path / "a.scene").write_text(LOOK + SKY + "".join(order), encoding="utf-8")
         tables = maquette.load(tmp_path / "a.scene").tables
-        number = medium_stack.media(tables).number[tables.instances.material]
+        media: Any = medium_stack.media(tables)
+        number = media.number[tables.instances.material]
         assert number[ball] > number[box] > 0
 
 

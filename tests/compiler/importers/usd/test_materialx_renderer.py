@@ -4,6 +4,8 @@ The environment is a formula. The other pictures are of MaterialX 1.39.5, PyMate
 sampling: 64 by 64 pixels, a ball of radius 1 from 5 m with a view of 26°. The means are over the disc of 0.96 of the ball's radius.
 """
 
+# pyright: reportOptionalMemberAccess=false
+
 from __future__ import annotations
 
 import maquette

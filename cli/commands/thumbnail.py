@@ -31,6 +31,7 @@ KINDS = (*file_types.USD, *file_types.MESH)
 RECORDS = "thumbnails.json"  # what each picture was made from; pictures that are up to date are skipped
 SAMPLES = 8
 CRASHED = "the process that drew it crashed, which is a bug in maquette: `maquette render {}` tells what to send"
+CRASHES = (BrokenProcessPool, BrokenPipeError)  # the second where a process ends before it has read what it does
 SAVED_EVERY = 5.0  # seconds between writes of the records and the index
 
 
@@ -179,7 +180,7 @@ def _draw_all(assets: Sequence[Asset], output: Path, looks: Looks, jobs: int) ->
         for asset in assets:
             try:
                 waiting[pool.submit(draw, asset, output, looks)] = asset
-            except BrokenProcessPool:
+            except CRASHES:
                 alone.append(asset)
         for future in as_completed(waiting):
             try:
@@ -190,7 +191,7 @@ def _draw_all(assets: Sequence[Asset], output: Path, looks: Looks, jobs: int) ->
         with _pool(1) as pool:
             try:
                 yield pool.submit(draw, asset, output, looks).result()
-            except BrokenProcessPool:
+            except CRASHES:
                 yield Thumbnail(asset.name, str(asset.path), "", looks.size, error=CRASHED.format(asset.path), options=looks.options)
 
 

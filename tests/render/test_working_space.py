@@ -106,7 +106,7 @@ def test_each_slot_is_a_colour_or_a_number() -> None:
     """A new slot needs a line in ir.COLOR_SLOTS, or here."""
     numbers = {
         ir.Slot.SHININESS, ir.Slot.IOR, ir.Slot.OPACITY, ir.Slot.ROUGHNESS, ir.Slot.METALLIC, ir.Slot.COAT, ir.Slot.COAT_ROUGHNESS,
-        ir.Slot.NORMAL, ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS, ir.Slot.RADIUS,
+        ir.Slot.NORMAL, ir.Slot.COAT_NORMAL, ir.Slot.BUMP, ir.Slot.PRIORITY, ir.Slot.WEIGHT, ir.Slot.SHEEN_ROUGHNESS, ir.Slot.RADIUS,
         ir.Slot.BASE_WEIGHT, ir.Slot.DIFFUSE_ROUGHNESS, ir.Slot.SPECULAR_WEIGHT, ir.Slot.ANISOTROPY, ir.Slot.ROTATION, ir.Slot.COAT_IOR,
         ir.Slot.COAT_ANISOTROPY, ir.Slot.COAT_ROTATION, ir.Slot.COAT_DARKENING, ir.Slot.FUZZ, ir.Slot.FUZZ_ROUGHNESS, ir.Slot.FILM,
         ir.Slot.FILM_THICKNESS, ir.Slot.FILM_IOR, ir.Slot.TRANSMISSION_WEIGHT, ir.Slot.SUBSURFACE_WEIGHT, ir.Slot.THIN_WALLED,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import simd
 from ..jit import thread_pool
-from ..jit.kernel import helper, kernel, noinline_helper
+from ..jit.kernel import helper, noinline_helper
 from ..lanes import crosslane, ops
 from ..lanes.soa import PAD, compress_store
 from ..types import Lane, Vec
@@ -59,12 +59,24 @@ def coarsest_width(landed: NDArray[np.float32], width: float, most: float) -> fl
     return width
 
 
+class SortBuffers(NamedTuple):
+    """Memory for sorting the photons of a map."""
+
+    level: NDArray[np.int32]  # (n,) -1
+    radius: NDArray[np.float64]  # (n,) 0
+    counts: NDArray[np.int32]  # (a power of two of at least 2 n,)
+    cursor: NDArray[np.int64]  # (slots,)
+
+
 def fill(maps: Any, landed: list[NDArray[Any]], first: NDArray[np.int64], near: float, sort: Any, threads: int) -> None:
-    """Sort photons, (n, …) of each map, into empty maps of `empty_columns`, from the rows `first` on; `sort` is made by `sorter`."""
+    """Sort photons, (n, …) of each map, into empty maps of `empty_columns`, from the rows `first` on, by a kernel of `sorter`."""
     kind = maps.place.dtype
 
     def one_map(k: int) -> None:
-        sort(landed[k].astype(kind), k, int(first[k]), near, maps)
+        n = len(landed[k])
+        counts = np.zeros(1 << max(2 * n - 1, 15).bit_length(), np.int32)
+        buffers = SortBuffers(np.full(n, -1, np.int32), np.zeros(n), counts, np.zeros(maps.slots, maps.start.dtype))
+        sort(landed[k].astype(kind), k, int(first[k]), near, maps, buffers)
 
     thread_pool.parallel_for(one_map, range(len(landed)), threads)
 
@@ -77,21 +89,17 @@ def empty_columns(landed: list[NDArray[Any]]) -> tuple[int, int, NDArray[np.int6
 
 
 def sorter(radius_of: Callable[..., float], store: Callable[..., None]) -> Any:
-    """The kernel (photons, number of the map, first row, photons in a disk or ball, maps) that stores photons by cell.
+    """The helper (photons, number of the map, first row, photons in a disk or ball, maps, SortBuffers) that stores photons by cell.
 
-    `radius_of(width of the cells, radius of a disk)` is that of a photon, `store(photons, i, radius, maps, row, key)` writes one.
+    `radius_of(width of the cells, radius of a disk)` is that of a photon, `store(photons, i, radius, maps, row, key)` writes one. A kernel
+    of a module calls it: the code of kernels with free variables is not kept on disk.
     """
 
-    @kernel
-    def sort(rows, number, first, near, maps):
+    @helper
+    def sort(rows, number, first, near, maps, buffers):
         """Choose the radius of each photon of a map, and store the photons by cell."""
-        n = len(rows)
-        level = np.full(n, -1, np.int32)
-        radius = np.zeros(n)
-        size = np.int64(16)
-        while size < 2 * n:
-            size *= 2
-        choose_radii(rows, near, maps.cells, np.zeros(size, np.int32), level, radius)
+        n, level, radius, cursor = len(rows), buffers.level, buffers.radius, buffers.cursor
+        choose_radii(rows, near, maps.cells, buffers.counts, level, radius)
         start, slots, cells = maps.start, maps.slots, maps.cells
         base = number * (slots + 1)
         for i in range(n):
@@ -100,7 +108,8 @@ def sorter(radius_of: Callable[..., float], store: Callable[..., None]) -> Any:
         start[base] = first
         for s in range(slots):
             start[base + s + 1] += start[base + s]
-        cursor = start[base : base + slots].copy()
+        for s in range(slots):
+            cursor[s] = start[base + s]
         for i in range(n):
             key = cell_key(level[i], *cell_of(rows, i, cells[level[i]]))
             slot = slot_of(key, slots)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...accel import photon_grid
 from ...accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER, Chosen
-from ...jit.kernel import helper, noinline_helper
+from ...jit.kernel import helper, kernel, noinline_helper
 from ...lanes import crosslane, ops
 from ...material import bsdf
 from ...material.shader import Shader, Uses
@@ -119,7 +119,13 @@ def _store(rows: Any, i: int, r: float, maps: Any, k: int, key: int) -> None:
         maps.normal[c * n + k] = rows[i, 9 + c]
 
 
-_sort = photon_grid.sorter(_radius, _store)
+_sort_by_cell = photon_grid.sorter(_radius, _store)
+
+
+@kernel
+def _sort(rows, number, first, near, maps, buffers):
+    """Store the photons of a map by cell."""
+    _sort_by_cell(rows, number, first, near, maps, buffers)
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------

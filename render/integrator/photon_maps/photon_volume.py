@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...accel import photon_grid
 from ...accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER
-from ...jit.kernel import helper, specialize_if_present
+from ...jit.kernel import helper, kernel, specialize_if_present
 from ...lanes import crosslane, ops
 from ...material import medium_stack
 from ...medium import phase, phase_table
@@ -106,7 +106,13 @@ def _store(rows: Any, i: int, r: float, volume: Any, k: int, key: int) -> None:
         volume.power[c * n + k] = rows[i, 6 + c] * 15.0 / (8.0 * math.pi * r * r * r)
 
 
-_sort = photon_grid.sorter(_radius, _store)
+_sort_by_cell = photon_grid.sorter(_radius, _store)
+
+
+@kernel
+def _sort(rows, number, first, near, maps, buffers):
+    """Store the photons of a map by cell."""
+    _sort_by_cell(rows, number, first, near, maps, buffers)
 
 
 # --- in lanes ------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
 import os
@@ -221,3 +222,14 @@ def test_a_lock_that_a_killed_process_left_is_free(tmp_path: Path) -> None:
         assert time.monotonic() - started < compile_lock.LONGEST / 2
     with compile_lock.compiling(tmp_path / "missing" / "a.kernel"):
         pass
+
+
+def test_no_kernel_of_the_product_has_free_variables():
+    """Their code would not be kept on disk: each process would compile it again."""
+    nested = []
+    for path in sorted(Path(kernel_cache.__file__).parents[1].rglob("*.py")):
+        for outer in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(outer, ast.FunctionDef):
+                inner = [node for node in ast.walk(outer) if isinstance(node, ast.FunctionDef) and node is not outer]
+                nested += [f"{path.name}: {node.name}" for node in inner if "kernel" in map(ast.unparse, node.decorator_list)]
+    assert nested == []

@@ -114,6 +114,7 @@ class Renderer:
         self.frame.put("picture.width", width)
         self.frame.put("picture.height", height)
         self.view = View(self.view.camera, width, height)
+        self.__dict__.pop("_camera_rays", None)  # of the size before
         return True
 
     def refresh(self, samples: int) -> None:

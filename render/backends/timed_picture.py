@@ -72,7 +72,7 @@ def run(work: Work, deadline: Deadline, write_groups: Callable[[Image], None]) -
         preview = _draw_preview(work, ends)
         if compile_events.compiled() > compiled:  # it measured the compiler
             preview = _draw_preview(work, ends)
-    divisor = 1 if preview is None else _divisor(preview, plan, ends)
+    divisor = 1 if preview is None else _divisor(preview, plan, ends, times)
     if divisor == 1:
         return _draw(work, 1, (preview, times), ends, write_groups)
     ends = ends.earlier(ENLARGE * _pixels(plan, 1))
@@ -111,13 +111,19 @@ def _draw_small(work: Work, divisor: int, ends: Deadline) -> Image | None:
     return image
 
 
-def _divisor(preview: Image, plan: Plan, ends: Deadline) -> int:
-    """How many times smaller the sides of the picture are that there is time for."""
+def _divisor(preview: Image, plan: Plan, ends: Deadline, times: DenoisingTime | None) -> int:
+    """How many times smaller the sides of the picture are that there is time for, with its denoising."""
     coarsest = preview.metadata["resolution"]
-    if _affordable(preview, plan, ends.left()) >= ENOUGH * _pixels(plan, 1):
-        return 1
-    affordable = _affordable(preview, plan, ends.left() - ENLARGE * _pixels(plan, 1))
-    return next(d for d in _divisors(2, coarsest) if d == coarsest or affordable >= ENOUGH * _pixels(plan, d))
+
+    def fits(divisor: int) -> bool:
+        pixels = _pixels(plan, divisor)
+        planned = None if times is None else times.plan(round(pixels))
+        seconds = ends.left() - (0.0 if planned is None else planned.seconds)
+        if divisor > 1:
+            seconds -= ENLARGE * _pixels(plan, 1)
+        return _affordable(preview, plan, seconds) >= ENOUGH * pixels
+
+    return next(d for d in (1, *_divisors(2, coarsest)) if d == coarsest or fits(d))
 
 
 def _divisors(first: int, last: int) -> list[int]:

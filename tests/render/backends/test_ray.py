@@ -6,9 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from maquette.compiler import ir
+from maquette.compiler import ir, load
+from maquette.compiler.plan import plan
 from maquette.compiler.scene.row_records import CameraData, LightData, MeshData
+from maquette.render.backends import kernel_choice
+from maquette.render.film import denoise
 from maquette.render.image import metrics
+from maquette.render.types import Tile, View
 
 from ..pictures import picture
 from ..tables import looking, matrix, phong, scene, turn
@@ -124,3 +128,20 @@ def test_where_a_glass_ball_brings_rays_together() -> None:
     assert np.abs(height[ring] - 0.3).max() < 0.01
     through = 1.0 - ((1.5 - 1.0) / 2.5) ** 2  # at normal incidence; a little less at 17 degrees
     assert shown[ring].mean() == pytest.approx(through**2, abs=2e-3)
+
+
+def test_guides_are_of_the_size_that_is_drawn(tmp_path):
+    """They were of the size before: a picture of a budget was denoised by the edges of a part of it."""
+    path = tmp_path / "a.scene"
+    text = "sphere(1, material: lambert(#c04020))\nplane(y: -1)\ncamera(position: [0, 1, 5], look_at: [0, 0, 0])\n"
+    path.write_text(text, encoding="utf-8")
+    loaded = load.load(path)
+
+    def renderer(width: int, height: int) -> Any:
+        decided = plan.make_plan(loaded, ir.Settings(size=(width, height)))
+        return kernel_choice.make_renderer(loaded, decided, View(decided["camera"], width, height), False)
+
+    resized, small = renderer(32, 24), Tile(0, 0, 16, 12)
+    denoise.tile_guides(resized, Tile(0, 0, 32, 24), 1, 1)
+    assert resized.resize(16, 12)
+    assert np.array_equal(denoise.tile_guides(resized, small, 1, 1), denoise.tile_guides(renderer(16, 12), small, 1, 1))

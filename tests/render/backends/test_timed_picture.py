@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from maquette.render import picture_notes
 from maquette.render.backends import timed_picture
 from maquette.render.film import film
 from maquette.render.film.deadline import Deadline
+from maquette.render.film.denoise_time import Denoising
 from maquette.render.image.image import Image
 from maquette.render.jit import compile_events
 from maquette.render.types import Film, Tile, View
@@ -155,6 +156,24 @@ def test_a_denoised_picture_without_time_for_it_says_so() -> None:
     assert image.metadata["denoising_left_out"]
     warnings = picture_notes.budget_warnings(image.metadata, plan_of(1.0, denoise="on"))
     assert ("warning", "the picture is not denoised: the budget of 1 s has no time for it") in [(d.severity, d.message) for d in warnings]
+
+
+class Slow(NamedTuple):
+    """Denoising takes `each` seconds a pixel."""
+
+    each: float
+
+    def plan(self, pixels: int) -> Denoising:
+        return Denoising(1, False, pixels * self.each)
+
+
+def test_each_pixel_has_a_sample_beside_the_time_of_denoising(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two samples of each pixel fit into the budget, but not beside the denoising of as many pixels."""
+    monkeypatch.setattr(timed_picture, "DenoisingTime", lambda *arguments: Slow(6e-4))
+    monkeypatch.setattr(timed_picture.denoise, "denoise", lambda *arguments: None)
+    image = drawn(Ramp(7e-4), 10.0, denoise="on")
+    assert image.metadata["resolution"] == 2
+    assert not image.metadata.get("denoising_left_out")
 
 
 def test_enlarged_keeps_what_is_even_and_linear() -> None:

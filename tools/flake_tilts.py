@@ -1,4 +1,4 @@
-"""Writes render/sampling/flake_tilts.json: quantiles of the tilts that turn narrow GGX facets into wider ones.
+"""Writer of render/sampling/flake_tilts.json: quantiles of the tilts that turn narrow GGX facets into wider ones.
 
 python tools/flake_tilts.py
 

@@ -1,4 +1,4 @@
-"""Writes a scene in the language: readable source, with meshes and pictures in a folder beside it.
+"""Writer of scenes in the language: readable source, with meshes and pictures in a folder beside it.
 
 May import: compiler.exporters, catalogue, importers.
 Begin with `scene.py`.

@@ -1,4 +1,4 @@
-"""Which arguments of which element make a row of Materials: each element is lowered with tokens, which show the slot of each argument."""
+"""Elements and arguments that make a row of Materials: each element is lowered with tokens, which show the slot of each argument."""
 
 from __future__ import annotations
 

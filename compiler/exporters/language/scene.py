@@ -1,4 +1,4 @@
-"""Exports a scene as readable source: materials and parts by name, objects in groups, lights, cameras and settings.
+"""Writer of a scene as readable source: materials and parts by name, objects in groups, lights, cameras and settings.
 
 Numbers are short: the same in single precision. Meshes and pictures are in the folder `NAME.parts` beside the file.
 """

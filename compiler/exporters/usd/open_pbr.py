@@ -1,4 +1,4 @@
-"""Writes materials as MaterialX beside UsdPreviewSurface: open_pbr_surface of slabs, and UsdPreviewSurface with graphs of patterns."""
+"""Materials as MaterialX beside UsdPreviewSurface: open_pbr_surface of slabs, and UsdPreviewSurface with graphs of patterns."""
 
 # pyright: reportAttributeAccessIssue=false
 # (usd-core creates its modules' names at run time)

@@ -1,4 +1,4 @@
-"""Decodes pictures in KTX 2 with Basis Universal's codecs, ETC1S and UASTC, as glTF's KHR_texture_basisu has them.
+"""Decoder of pictures in KTX 2 with Basis Universal's codecs, ETC1S and UASTC, as glTF's KHR_texture_basisu has them.
 
 The package opengl_basisu (extra `basisu`) contains Binomial's transcoder; only this module loads it. Format: KTX 2.0 (Khronos).
 """

@@ -1,4 +1,4 @@
-"""Each format that is read has a module with the function that reads it."""
+"""Readers: each format has a module with the function that reads it."""
 
 from __future__ import annotations
 

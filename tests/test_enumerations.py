@@ -14,7 +14,6 @@ KINDS = [kind for kind in vars(ir).values() if isinstance(kind, type) and issubc
 NOT_ALL = {  # the module of a table and its enumeration: why some kinds are not in it
     "shapes: GeometryKind": "meshes and formulas are no analytic shapes",
     "compiler.exporters.gltf.materials: Wrap": "glTF's samplers do not end in black: it is reported",
-    "compiler.exporters.language.lights: LightKind": "forms of the element `area`: other lights have elements of their own",
     "compiler.exporters.language.shapes: GeometryKind": "meshes are files, and formulas triangles",
     "compiler.exporters.material_values: MaterialModel": "others are UsdPreviewSurface, which has all of them",
     "compiler.exporters.mitsuba.materials: Wrap": "Mitsuba's bitmaps do not end in black: it is reported",

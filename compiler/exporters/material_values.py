@@ -1,4 +1,4 @@
-"""Arguments of materials that are no slots alone: luminance, what is inside of glass and bodies, kinds of metal."""
+"""Arguments of material elements that exporters write and no slot holds: luminance, media inside of glass and bodies, kinds of metal."""
 
 from __future__ import annotations
 

@@ -167,9 +167,9 @@ def circles(p: Sequence[float]) -> Sequence[tuple[float, float]]:
 
 
 def triangles(p: Sequence[float], tolerance: float) -> Tessellation:
-    """Of a quadric with a box; see quadric_triangles.march."""
+    """Of a quadric with finite bounds; see quadric_triangles.march."""
     matrix = quadric_triangles.matrix(p)
-    positions, rows = quadric_triangles.march(matrix, quadric_triangles.box_grid(p, tolerance))
+    positions, rows = quadric_triangles.march(matrix, quadric_triangles.box_grid(p, tolerance, bounds(p)))
     return surfaces.flat(positions, rows, quadric_triangles.normals(matrix, positions))
 
 

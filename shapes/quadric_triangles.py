@@ -55,19 +55,26 @@ def deviation(q: F64, positions: F64, triangles: NDArray[np.int32]) -> float:
     return 4 / 3 * float((np.abs(value[steep]) / slope[steep]).max(initial=0.0))
 
 
-def box_grid(parameters: Sequence[float], tolerance: float) -> F64:
-    """(nx, ny, nz, 3) grid over the quadric's box, fine enough for `tolerance` (metres), at most MAX_CELLS an axis."""
+def box_grid(parameters: Sequence[float], tolerance: float, bounds: F64) -> F64:
+    """(nx, ny, nz, 3) grid over the quadric's box, fine enough for `tolerance` (metres), at most MAX_CELLS an axis.
+
+    A quadric without a box has a grid over its `bounds` (2, 3), which are finite, and a margin, so that it changes its sign in the grid.
+    """
     half = np.asarray(parameters[10:13], np.float64)
+    box = np.stack([-half, half])
+    if not np.isfinite(half).all():
+        margin = np.maximum(bounds[1] - bounds[0], 1e-9) / _COARSE
+        box = np.stack([bounds[0] - margin, bounds[1] + margin])
     q = matrix(parameters)
-    coarse, _ = march(q, _lattice(half, half / _COARSE * 2))
+    coarse, _ = march(q, _lattice(box, (box[1] - box[0]) / _COARSE))
     bend = curvature(q, coarse).max(initial=0.0)
     edge = np.sqrt(tolerance / (_REACH * bend)) if bend > 0 else np.inf
-    return _lattice(half, np.full(3, edge))
+    return _lattice(box, np.full(3, edge))
 
 
-def _lattice(half: F64, edge: F64) -> F64:
-    counts = np.clip(np.ceil(2 * half / edge), 4, MAX_CELLS).astype(int)
-    axes = [np.linspace(-h, h, n + 1) for h, n in zip(half, counts, strict=True)]
+def _lattice(box: F64, edge: F64) -> F64:
+    counts = np.clip(np.ceil((box[1] - box[0]) / edge), 4, MAX_CELLS).astype(int)
+    axes = [np.linspace(low, high, n + 1) for low, high, n in zip(*box, counts, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 

@@ -236,8 +236,8 @@ def _print_parts(parts: Sequence[Properties], density: float | None) -> None:
 def _lines(part: Properties, unit: str, factor: float, density: float | None) -> list[str]:
     size = " × ".join(f"{side:.7g}" for side in (part.high - part.low) * factor)
     within = f" ± {2.0 * part.deviation * factor:.2g}" if part.deviation else ""
-    lines = [part.name, f"  size     {size} {unit}{within}", f"  area     {_number(part.area, factor**2)} {unit}²"]
-    lines.append(f"  mesh     {_topology(part)}")
+    area = f"none: {part.unbounded}" if part.area is None else f"{_number(part.area, factor**2)} {unit}²"
+    lines = [part.name, f"  size     {size} {unit}{within}", f"  area     {area}", f"  mesh     {_topology(part)}"]
     if part.volume is None or part.center is None or part.inertia is None:
         return [*lines, f"  volume   none: {part.unbounded}"]
     lines.append(f"  volume   {_number(part.volume, factor**3)} {unit}³")

@@ -29,6 +29,8 @@ class Part(NamedTuple):
     material: NDArray[np.int64] | None = None  # (m,) of each triangle, in `materials`
     instance: int = -1  # its row
     is_mesh: bool = False  # in the scene, too: of a file, or generated
+    is_contour: bool = False  # of a formula: its deviation is measured at samples
+    missing: float = 0.0  # metres: parts thinner than this are missing in it
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) linear, of the corners of triangles: factors of the materials' colours
     rows: tuple[int, ...] = ()  # of the materials in the scene
 

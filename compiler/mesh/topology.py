@@ -12,6 +12,8 @@ from ..ir import F64, I64
 MOST_CROSSED = 500_000  # triangles of a mesh that is searched for crossings
 _MOST_PAIRS = 40_000_000
 _MARGIN = 1e-6  # of the extent: a vertex nearer to a plane is on it; positions are in single precision
+FLAT_TURN = 1e-6  # radians between the normals of triangles in one plane, at most
+CREASE = 0.7  # radians between normals from which an edge is sharp: twelve chords round a circle turn by 0.52
 _MOST_BODIES = 256  # that are searched for others in them
 
 
@@ -68,6 +70,33 @@ def moments(positions: F64, triangles: I64) -> Moments:
     with np.errstate(all="ignore"):
         properties = trimesh.triangles.mass_properties((positions - origin)[triangles])
     return Moments(np.asarray(properties.volume), origin + properties.center_mass, np.asarray(properties.inertia))
+
+
+class Turns(NamedTuple):
+    """How the normals of a mesh turn at its edges."""
+
+    total: float  # sum of length times angle over the edges: the area that a layer of thickness 1 over the mesh gains (Steiner's formula)
+    round_area: float  # of triangles at an edge whose angle is neither 0 nor that of a crease
+
+
+def turns(positions: F64, triangles: I64) -> Turns:
+    """The turns of merged triangles (m, 3). An edge that does not have two triangles counts as a turn of a radian."""
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    area = 0.5 * np.linalg.norm(cross, axis=1)
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    order = np.lexsort(sides.T)
+    sides, owner = sides[order], np.tile(np.arange(len(triangles)), 3)[order]
+    first = np.flatnonzero(np.concatenate([[True], (sides[1:] != sides[:-1]).any(axis=1)]))
+    count = np.diff(np.append(first, len(sides)))
+    length = np.linalg.norm(positions[sides[first, 0]] - positions[sides[first, 1]], axis=1)
+    a, b = owner[first], owner[np.minimum(first + 1, len(sides) - 1)]  # the triangles of each edge
+    sine, cosine = np.linalg.norm(np.cross(cross[a], cross[b]), axis=1), np.einsum("ij,ij->i", cross[a], cross[b])
+    angle = np.where(count == 2, np.arctan2(sine, cosine), 1.0)
+    smooth = (count == 2) & (angle > FLAT_TURN) & (angle < CREASE)
+    rounded = np.zeros(len(triangles), bool)
+    rounded[a[smooth]] = rounded[b[smooth]] = True
+    return Turns(float((length * angle).sum()), float(area[rounded].sum()))
 
 
 def connected_vertices(count: int, triangles: np.ndarray) -> I64:

@@ -1,13 +1,14 @@
 """Volume, area, center and inertia of the bounded instances of a scene, each with its error.
 
-They are integrals over closed triangle meshes at two tolerances, the second a quarter of the first. Their errors fall in proportion to the
-tolerance, so that a third of the difference is the error of the finer one (Richardson's extrapolation), which is taken off. A mesh has one
-form at both: its errors are what its deviation allows. A mesh that does not bound one volume has none: no number is given for it.
+They are integrals over closed triangle meshes at two tolerances, the second a quarter of the first. Where errors fall in proportion to the
+tolerance, a third of the difference is the error of the finer one (Richardson's extrapolation), which is taken off. They do not fall so for
+few chords, thin shapes and contours. So an error is at least that which the deviation of the finer one allows: a layer of this thickness on
+its round faces changes the volume, and the area by the thickness times the turns of its edges (Steiner's formula). A mesh that does not
+bound one volume has none: no number is given for it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,12 +17,13 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.mesh.parts import Part
-from ...compiler.mesh.topology import Topology, counted_twice, crossings, moments, topology
+from ...compiler.mesh.topology import Topology, counted_twice, crossings, moments, topology, turns
 from ...lang.diagnostics import Diagnostic
 from . import printable_mesh
 
 FINER = 4.0
-UNSEEN = 0.05  # share of the area times the mesh's deviation that is added to the error of a volume
+SIDE_SHARE = 1 / 500  # of an instance's longest side: its tolerance at most, in scenes of up to FEW instances
+FEW = 1000
 F64 = NDArray[np.float64]
 
 
@@ -39,7 +41,7 @@ class Properties(NamedTuple):
     low: F64  # (3,) corner of the bounding box
     high: F64  # (3,)
     deviation: float  # of the bounding box
-    area: Measured
+    area: Measured | None  # None where thin parts are missing, as of all below
     volume: Measured | None  # None of a mesh that bounds none, as of all below
     center: Measured | None  # (3,)
     inertia: Measured | None  # (3, 3) about the center
@@ -50,30 +52,35 @@ class Properties(NamedTuple):
 
 def measure(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Properties], list[Diagnostic]]:
     """The properties of all bounded instances, and the diagnostics of their meshes. `tolerance`: see printable_mesh."""
-    coarse, diagnostics = printable_mesh.printable_parts(scene, tolerance)
+    share = SIDE_SHARE * max(len(scene.tables.instances.geometry) / FEW, 1.0)
+    coarse, diagnostics = printable_mesh.printable_parts(scene, tolerance, share)
     finest = tolerance or printable_mesh.default_tolerance(scene)
-    fine, _ = printable_mesh.printable_parts(scene, finest / FINER if finest else None)
+    fine, _ = printable_mesh.printable_parts(scene, finest / FINER if finest else None, share / FINER)
     same = {part.instance: part for part in coarse}
     return [_properties(same.get(part.instance, part), part) for part in fine], diagnostics
 
 
 def _properties(coarse: Part, fine: Part) -> Properties:
-    area = _extrapolate(_area(coarse), _area(fine), 0.0)
-    same = len(coarse.positions) == len(fine.positions) and np.array_equal(coarse.positions, fine.positions)
-    off = fine.deviation if same else 0.0
-    area = Measured(area.value, area.error + 4.0 * math.sqrt(math.pi * float(area.value)) * off)  # of a sphere twice what it lacks
+    if fine.missing > 0.0:
+        why = f"parts thinner than {fine.missing * 1000:.3g} mm are missing in its triangles"
+        low, high = fine.positions.min(axis=0), fine.positions.max(axis=0)
+        edges = topology(fine.positions, fine.triangles)
+        return Properties(fine.name, low, high, fine.deviation, None, None, None, None, edges, why)
+    bends = turns(fine.positions, fine.triangles)
+    area = _extrapolate(_area(coarse), _area(fine), bends.total * fine.deviation)
     low, high = fine.positions.min(axis=0), fine.positions.max(axis=0)
     edges = topology(fine.positions, fine.triangles)
     first, second = moments(coarse.positions, coarse.triangles), moments(fine.positions, fine.triangles)
     why, searched = _unbounded(coarse, fine, edges, float(second.volume))
     if why:
         return Properties(fine.name, low, high, fine.deviation, area, None, None, None, edges, why)
-    volume, center, inertia = (_extrapolate(a, b, 0.0) for a, b in zip(first, second, strict=True))
-    layer = float(area.value) * off  # between the mesh and the surface
-    reach = 0.5 * float(np.linalg.norm(high - low))
-    volume = Measured(volume.value, volume.error + max(layer, UNSEEN * float(area.value) * fine.deviation))
-    center = Measured(center.value, center.error + layer * reach / max(abs(float(volume.value)), 1e-300))
-    inertia = Measured(inertia.value, inertia.error + layer * reach**2)
+    symmetric = not (fine.is_mesh or fine.is_contour)  # the triangles of an analytic shape are as symmetric as the shape
+    round_area = bends.round_area if symmetric else float(area.value)
+    layer = (round_area + bends.total * fine.deviation) * fine.deviation  # between the mesh and the surface
+    reach = 0.0 if symmetric else 0.5 * float(np.linalg.norm(high - low))
+    volume = _extrapolate(first.volume, second.volume, layer)
+    center = _extrapolate(first.center, second.center, layer * reach / max(abs(float(volume.value)), 1e-300))
+    inertia = _extrapolate(first.inertia, second.inertia, layer * reach**2)
     return Properties(fine.name, low, high, fine.deviation, area, volume, center, inertia, edges, "", searched)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,11 +39,12 @@ class _LocalMesh(NamedTuple):
     colors: NDArray[np.float64] | None = None  # (m, 3, 3) of the corners of triangles
 
 
-def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[list[Part], list[Diagnostic]]:
+def printable_parts(scene: ir.Scene, tolerance: float | None = None, share: float = math.inf) -> tuple[list[Part], list[Diagnostic]]:
     """Meshes of a scene's bounded instances in the world, within `tolerance` metres where possible; and diagnostics.
 
-    Diagnostics name meshes that are open and instances that are left out: lights and unbounded shapes. Deviations of solids
-    of formulas are the largest ones at samples of their triangles.
+    `share` of the longest side of its own box limits the tolerance of each instance, too. Diagnostics name meshes that are open and
+    instances that are left out: lights and unbounded shapes. Deviations of solids of formulas are the largest ones at samples of their
+    triangles.
     """
     tables, diagnostics, parts = scene.tables, [], []
     boxes, light, ends = _boxes(tables)
@@ -57,11 +59,12 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None) -> tuple[li
         if light[i] or not ends[i]:
             say("note", f"{label} is {'a light' if light[i] else 'unbounded'} and is left out")
             continue
-        part, thin = _part(tables, i, name or f"part{i}", tolerance)
-        if thin > 0.0:
+        side = float((boxes[i, 3:] - boxes[i, :3]).max())
+        part = _part(tables, i, name or f"part{i}", min(tolerance, share * side) if side > 0.0 else tolerance)
+        if part.missing > 0.0:
             missing = "thinner parts are missing" if len(part.triangles) else "it is thinner and is left out"
             hint = "a smaller box as `within` has smaller cells"
-            say("warning", f"{label} is sampled in cells of {thin * 1000:.3g} mm: {missing}", hint)
+            say("warning", f"{label} is sampled in cells of {part.missing * 1000:.3g} mm: {missing}", hint)
         if len(part.triangles):
             parts.append(_with_materials(scene, i, part))
         if part.open_edges:
@@ -100,8 +103,8 @@ def _why_open(tables: ir.Tables, i: int, part: Part) -> tuple[str, str]:
     return _OPEN[kind] if bare and not solid else _CROWDED
 
 
-def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part, float]:
-    """(mesh of an instance, thickness below which its parts are missing)"""
+def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> Part:
+    """The mesh of an instance."""
     g, row = int(tables.instances.geometry[i]), int(tables.instances.transform[i])
     matrix = tables.transforms.matrix[row]
     largest = float(np.linalg.norm(matrix[:, :3], 2))
@@ -116,8 +119,9 @@ def _part(tables: ir.Tables, i: int, name: str, tolerance: float) -> tuple[Part,
         triangles, colors = triangles[:, ::-1], None if colors is None else colors[:, ::-1]
     positions = positions @ matrix[:, :3].T + matrix[:, 3]
     leaks = dual_contouring.open_edges(triangles)
-    is_mesh = bool(tables.geometries.kind[g] == _KIND.MESH)
-    return Part(name, positions, triangles, local.off * largest, leaks, colors=colors, is_mesh=is_mesh), local.thin * largest
+    kind = tables.geometries.kind[g]
+    part = Part(name, positions, triangles, local.off * largest, leaks, colors=colors, is_mesh=bool(kind == _KIND.MESH))
+    return part._replace(is_contour=bool(kind == _KIND.FORMULA), missing=local.thin * largest)
 
 
 def _local_mesh(tables: ir.Tables, g: int, tolerance: float) -> _LocalMesh:

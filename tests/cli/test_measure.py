@@ -61,6 +61,43 @@ def test_closed_forms_lie_within_the_errors(tmp_path: Path, shape: str) -> None:
         assert is_within(at, inertia)
 
 
+THIN_AND_SMALL = {  # (volume, area) of the first object
+    "torus(1, 1mm)": (2e-6 * math.pi**2, 4e-3 * math.pi**2),
+    "cylinder(1mm, 2)": (2e-6 * math.pi, 2e-3 * math.pi * 2.001),
+    "curve([[0, 0, 0], [2, 0, 0]], 1mm)": (2e-6 * math.pi, 2e-3 * math.pi * 2.001),
+    "torus(20mm, 5mm)\nsphere(1, center: [30, 0, 0])": (1e-6 * math.pi**2, 4e-4 * math.pi**2),
+    "difference { box(20mm); cylinder(5mm, 40mm) }\nsphere(1, center: [30, 0, 0])": (8e-6 - 5e-7 * math.pi, 2.4e-3 + 1.5e-4 * math.pi),
+    "quadric([1, 1, 1, 0, 0, 0, 0, 0, 0, -1])": (4 / 3 * math.pi, 4 * math.pi),
+}
+
+
+@pytest.mark.parametrize("text", THIN_AND_SMALL)
+def test_thin_shapes_and_small_ones_in_large_scenes_lie_within_the_errors(tmp_path: Path, text: str) -> None:
+    volume, area = THIN_AND_SMALL[text]
+    code, out, _ = run(tmp_path, text, "--json")
+    assert code == 0
+    part = json.loads(out)[0]
+    assert is_within(part["volume"], volume)
+    assert is_within(part["area"], area)
+
+
+def test_a_small_object_in_a_large_scene_is_measured_by_its_own_size(tmp_path: Path) -> None:
+    _, out, _ = run(tmp_path, "sphere(1mm)\nsphere(1, center: [30, 0, 0])\n", "--json")
+    small, large = json.loads(out)
+    assert small["volume"]["error"] < 0.01 * small["volume"]["value"]
+    assert small["volume"]["value"] == pytest.approx(1e-9 * 4 / 3 * math.pi, rel=1e-3)
+    assert is_within(large["volume"], 4 / 3 * math.pi)
+
+
+@pytest.mark.long
+def test_a_solid_whose_thin_parts_are_missing_has_no_numbers(tmp_path: Path) -> None:
+    code, out, err = run(tmp_path, "shell(1mm) { sphere(1) }\n")
+    assert code == 0
+    assert "thinner parts are missing" in err
+    assert out.splitlines()[2].startswith("  area     none: parts thinner than ")
+    assert out.splitlines()[4].startswith("  volume   none: parts thinner than ")
+
+
 @pytest.mark.long
 @settings(deadline=None, max_examples=20)
 @given(st.tuples(*[st.floats(0.1, 3.0)] * 3), st.tuples(*[st.floats(-5.0, 5.0)] * 3), st.floats(0.0, 360.0))
@@ -83,7 +120,9 @@ def test_the_whole_output(tmp_path: Path) -> None:
     text = 'unit mm\nbox([40, 10, 20], center: [0, 5, 0], name: "base")\nbox(10, center: [0, 15, 0], name: "peg")\n'
     code, out, err = run(tmp_path, text, "--density", "1.24g/cm3")
     assert (code, err) == (0, "")
-    assert out == """\
+    assert (
+        out
+        == """\
 base
   size     40 × 10 × 20 mm
   area     2800 mm²
@@ -102,6 +141,7 @@ peg
   inertia  [20.6667, 20.6667, 20.6667] g mm²
 total volume  9000 mm³, mass 11.16 g
 """
+    )
 
 
 def test_parts_of_one_name_are_told_apart(tmp_path: Path) -> None:

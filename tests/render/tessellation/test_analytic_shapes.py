@@ -26,8 +26,9 @@ SHAPES = {
     "capsule": (K.CAPSULE, [0.5, 0.9]),
     "quadric ball": (K.QUADRIC, BALL),
     "hyperboloid": (K.QUADRIC, HYPERBOLOID),
+    "ball without a box": (K.QUADRIC, [*BALL[:10], math.inf, math.inf, math.inf]),
 }
-CLOSED = ["sphere", "box", "cylinder", "cone", "truncated cone", "torus", "spindle torus", "capsule", "quadric ball"]
+CLOSED = ["sphere", "box", "cylinder", "cone", "truncated cone", "torus", "spindle torus", "capsule", "quadric ball", "ball without a box"]
 TOLERANCE = 2e-3
 
 

@@ -57,7 +57,7 @@ def load(
     `params` are values of the scene's params: numbers, truth values, lists, arrays, and texts in the language ("2cm", "#d0402a").
     `sets` are further ones, all as text, for names that are options here; `time` is in seconds; `allow` are folders it may read
     beside its own; `variants` choose USD variants ({"/prim:set": "name"}). `max_elements` limits the elements that a scene
-    makes and places (default 10 million). `ocio` is the configuration of OpenColorIO whose colour spaces pictures may be of, by default
+    makes and places (default 2 million). `ocio` is the configuration of OpenColorIO whose colour spaces pictures may be of, by default
     $OCIO. Warnings and notes are added to `diagnostics`; without it, warnings are SceneWarnings.
     Both are in the scene's `diagnostics` as well.
     Raises maquette.lang.diagnostics.SceneError with everything that is wrong in it, ValueError for a wrong `time` or `max_elements`.

@@ -47,7 +47,7 @@ def load(
 
     `sets` are values of params as text; `time` is in seconds (None: the file's own default, 0 in a .scene); `code` is a USD
     stage's time code, in place of `time`; `allow` are folders the scene may read beside its own; `stage` and `mesh` are the
-    options of USD stages and of meshes; `max_elements` limits what a .scene makes (None: 10 million).
+    options of USD stages and of meshes; `max_elements` limits what a .scene makes (None: 2 million).
     Warnings are added to `diagnostics`, the time each stage took to `seconds`. Raises SceneError with everything found.
     """
     messages = diagnostics if diagnostics is not None else Diagnostics()

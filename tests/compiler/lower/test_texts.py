@@ -92,6 +92,12 @@ def test_lines_and_spacing():
     assert width("\tH") == pytest.approx(width("    H"))
 
 
+@pytest.mark.parametrize("argument", ["spacing", "line_spacing"])
+def test_letters_lie_at_most_a_thousand_times_as_far_apart(tmp_path, argument):
+    messages = refused(tmp_path, f'text("ab", {argument}: 1e15)' + REST)
+    assert any(argument in message and "1000" in message for message in messages), messages
+
+
 @pytest.mark.parametrize("font", fonts.SHIPPED)
 def test_every_font_of_the_package(compiled, font):
     positions, faces = triangles(compiled(f'text("Hamburg & 8%", size: 2, depth: 0.5, font: "{font.upper()}")' + REST))

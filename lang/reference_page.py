@@ -164,7 +164,7 @@ def _value(value: object, type_name: str) -> str:
     if isinstance(value, int | float):
         return _number(value, type_name)
     if isinstance(value, tuple):
-        if type_name in ("color", "color_map"):
+        if type_name in ("color", "color_map", "factors"):
             return f"rgb({', '.join(f'{c:g}' for c in value)})"
         return "[" + ", ".join(_value(v, type_name) for v in value) + "]"
     return f'"{value}"'

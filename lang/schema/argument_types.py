@@ -23,6 +23,7 @@ TYPES = {
     "luminance": "nit (cd/m²), or bare",
     "flux": "lumen (lm)",
     "color": "a colour",
+    "factors": "a colour, or a number for all channels",
     "number_map": "a number or a texture",
     "color_map": "a colour, a number (grey) or a texture",
     "texture": "a texture",
@@ -54,7 +55,7 @@ TYPES = {
     "pixels": "[width, height] whole numbers",
     "within": "a length, three lengths, two corners, or a sphere or box",
     "strings": "a list of strings",
-    "white": "a temperature in kelvin, as 4000 or kelvin(4000), or \"auto\"",
+    "white": 'a temperature in kelvin, as 4000 or kelvin(4000), or "auto"',
     "materials": 'a list of pairs of a name and a material: [["Body", gold()]]; * in a name matches any text',
 }
 

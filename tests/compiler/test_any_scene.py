@@ -42,6 +42,7 @@ def value(arg: argument_types.Arg, rng: random.Random) -> str:
         "time": lambda: n("s"),
         "flux": lambda: n("lm"),
         "color": lambda: color,
+        "factors": lambda: rng.choice((n(), color)),
         "number_map": lambda: rng.choice((n(), "checker()")),
         "color_map": lambda: rng.choice((n(), color, f"stripes(angle: {n('deg')})")),
         "material": lambda: rng.choice(("lambert(0.5)", f"emissive(luminance: {n()})", f"phong(shininess: {n()})", f"glass(ior: {n()})")),

@@ -17,6 +17,7 @@ from maquette.compiler.load import load
 from maquette.compiler.scene import transforms
 from maquette.lang.elements import Euler
 from maquette.lang.syntax import formatter
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[3]
 STAGE = """#usda 1.0
@@ -237,6 +238,19 @@ def Mesh "leaf" {
             triangles = ir.mesh_arrays(scene.tables, 0)[1].reshape(-1)
             values.append(flat if attributes.interpolation[row] == ir.Interpolation.CORNER else flat[triangles])
         np.testing.assert_allclose(values[0], values[1], atol=1e-6)
+
+
+def test_levels_of_pictures_come_back(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2), (200, 100, 50)).save(tmp_path / "a.png")
+    levels = ["gain: 0.5, bias: -0.25", "gain: rgb(3, 2, 1)", "bias: rgb(0, 0.5, 0)", "gain: kelvin(2000)"]
+    shapes = [f'sphere(1, material: principled(image("a.png", {text}), roughness: image("a.png", {text})))\n' for text in levels]
+    source = written(tmp_path, "a.scene", "".join(shapes))
+    target, warnings = converted(source)
+    assert "error" not in warnings
+    first, again = load(source).tables.textures, load(target).tables.textures
+    for column in ("gain", "bias"):
+        before, after = (np.unique(np.round(getattr(table, column)[:, 0], 6)) for table in (first, again))
+        np.testing.assert_allclose(before, after, atol=1e-6)
 
 
 def test_light_links_come_back(tmp_path: Path) -> None:

@@ -94,6 +94,8 @@ def probe() -> Any:
         ("luminance", "3nit", 3.0),
         ("flux", "800lm", 800.0),
         ("color", "rgb(1, 2, 3)", (1, 2, 3)),
+        ("factors", "0.5", (0.5, 0.5, 0.5)),
+        ("factors", "rgb(1, 2, 3)", (1, 2, 3)),
         ("number_map", "0.5", 0.5),
         ("color_map", "0.5", (0.5, 0.5, 0.5)),
         ("color_map", "#fff", (1, 1, 1)),

@@ -58,7 +58,7 @@ class Textures:
     def _text(self, row: int, use: str, gain: tuple[float, float, float]) -> str | None:
         textures, kind = self.tables.textures, ir.TextureKind(int(self.tables.textures.kind[row]))
         if kind == ir.TextureKind.FORMULA:
-            return self._pattern(row, gain)
+            return self._pattern(row, use, gain)
         frame = self._frame(row)
         mapping = ir.TextureMapping(int(textures.mapping[row])).name.lower()
         common = {"mapping": words.string(mapping)} if mapping != "uv" else {}
@@ -71,7 +71,8 @@ class Textures:
         if kind == ir.TextureKind.CHECKER and "angle" in frame:
             self.out.cannot("a checker that is turned is not carried", "textures", row)
             frame.pop("angle")
-        a, b = ((textures.gain[row] * color + textures.bias[row]) * gain for color in (textures.color_a[row], textures.color_b[row]))
+        factor, offset = self._linear(row, use, gain)
+        a, b = (factor * color + offset for color in (textures.color_a[row], textures.color_b[row]))
         if float(textures.size[row]) > 0.0:
             common["size"] = words.number(float(textures.size[row]))
         return words.call(kind.name.lower(), words.color(a), words.color(b), **common, **frame)
@@ -92,9 +93,7 @@ class Textures:
         channel = int(textures.channel[row])
         if channel >= (0 if use != "number" else 1) or use == "opacity":
             levels["channel"] = words.string("rgba"[max(channel, 0)])
-        gain, bias = textures.gain[row] * factor, textures.bias[row] * factor
-        if use == "directions":
-            gain, bias = gain / 2.0, (bias + 1.0) / 2.0
+        gain, bias = self._linear(row, use, factor)
         if use in ("number", "opacity"):
             gain, bias = np.full(3, gain[0]), np.full(3, bias[0])
         if (gain != 1.0).any():
@@ -102,6 +101,11 @@ class Textures:
         if bias.any():
             levels["bias"] = _factors(bias)
         return levels
+
+    def _linear(self, row: int, use: str, factor: tuple[float, float, float]) -> tuple[Any, Any]:
+        """(gain, bias) of a texture times `factor`, (3,) each, as they are written: directions are colours, 0 … 1 for −1 … 1."""
+        gain, bias = self.tables.textures.gain[row] * factor, self.tables.textures.bias[row] * factor
+        return (gain / 2.0, (bias + 1.0) / 2.0) if use == "directions" else (gain, bias)
 
     def _frame(self, row: int) -> dict[str, str]:
         """`scale`, `offset` and `angle` of uv' = turn · (scale · (uv − offset))."""
@@ -122,11 +126,11 @@ class Textures:
             arguments["angle"] = words.degrees(angle)
         return arguments
 
-    def _pattern(self, row: int, gain: tuple[float, float, float]) -> str | None:
-        textures = self.tables.textures
-        if (textures.gain[row] != 1.0).any() or textures.bias[row].any():
-            self.out.cannot("levels of a pattern are not carried", "textures", row)
-        text = formulas.pattern(self.tables, int(textures.tape[row]), gain)
+    def _pattern(self, row: int, use: str, factor: tuple[float, float, float]) -> str | None:
+        gain, bias = self._linear(row, use, factor)
+        if bias.any():
+            self.out.cannot("an offset of a pattern's values is not carried", "textures", row)
+        text = formulas.pattern(self.tables, int(self.tables.textures.tape[row]), tuple(gain.tolist()))
         if text is None:
             self.out.cannot("a pattern is not carried: it is white", "textures", row)
         return text

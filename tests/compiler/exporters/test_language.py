@@ -253,6 +253,17 @@ def test_levels_of_pictures_come_back(tmp_path: Path) -> None:
         np.testing.assert_allclose(before, after, atol=1e-6)
 
 
+@pytest.mark.parametrize("texture", ["checker()", "stripes(rgb(0.5, 0.4, 1), rgb(0.6, 0.5, 0.9))", "pattern(|x, y, z| rgb(0.5, y, 1))"])
+@pytest.mark.parametrize("material", ["lambert(normal_map: {})", "openpbr(coat_weight: 1, geometry_coat_normal: {})"])
+def test_normal_maps_by_checkers_and_formulas_come_back(tmp_path: Path, material: str, texture: str) -> None:
+    source = written(tmp_path, "a.scene", f"sphere(1, material: {material.format(texture)})\n")
+    target, warnings = converted(source)
+    assert warnings.splitlines() == [line for line in warnings.splitlines() if "triangles" in line]
+    first, again = load(source).tables.textures, load(target).tables.textures
+    for column in ("kind", "color_a", "color_b", "gain", "bias"):
+        np.testing.assert_allclose(getattr(first, column), getattr(again, column), atol=1e-6)
+
+
 def test_light_links_come_back(tmp_path: Path) -> None:
     text = """group(name: "room") { sphere(1, name: "left") sphere(1, translate: [3, 0, 0], name: "right [new]") }
         box(1, translate: [0, 3, 0], name: "top")

@@ -242,10 +242,6 @@ def _color(value: Value, place: Place, arg: Arg) -> Any:
     raise _type_error(value, "colour", hint)
 
 
-def _factors(value: Value, place: Place, arg: Arg) -> Any:
-    return (value,) * 3 if isinstance(value, float) else _color(value, place, arg)
-
-
 def _color_map(value: Value, place: Place, arg: Arg) -> Any:
     if isinstance(value, float):
         return (float(value),) * 3
@@ -419,7 +415,7 @@ _CONVERTERS: dict[str, Item] = {
     "length": _length,
     **{name: _of_dimension(name) for name in units.QUANTITIES if name != "length"},
     "color": _color,
-    "factors": _factors,
+    "factors": lambda value, place, arg: (value,) * 3 if isinstance(value, float) else _color(value, place, arg),
     "number_map": _number_map,
     "color_map": _color_map,
     "texture": _texture,

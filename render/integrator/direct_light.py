@@ -14,7 +14,7 @@ from ..light import airlight, light_kinds, light_samples, lights, links, shadow_
 from ..material import added_lobes, bsdf, medium_stack
 from ..material.shader import Shader
 from ..sampling import sobol
-from ..surface import interaction, normal_map
+from ..surface import interaction, normal_map, tangent_frame
 from ..types import Hit, Lane, Ray, Surface, Vec
 from . import background, glossy_lights, gouraud, sky_sampling
 from .ray_stack import LIGHT_DIMENSIONS
@@ -220,7 +220,16 @@ def _light_origin(scene: Scene, point: Surface, shader: Shader, light: int) -> V
 @helper
 def _shadow_origin(point: Surface, direction: Vec) -> Vec:
     """Origin of rays to a sky, on either side of the surface."""
-    return ops.where3(ops.dot(direction, point.normal) > 0.0, interaction.shadow_origin(point), point.position)
+    above = _or_above_coat(tangent_frame.coat_of(point.tangent), ops.dot(direction, point.normal) > 0.0, direction)
+    return ops.where3(above, interaction.shadow_origin(point), point.position)
+
+
+@helper
+def _is_above_coat(coat: Vec, above: Lane, direction: Vec) -> Lane:
+    return above | (ops.dot(direction, coat) > 0.0)
+
+
+_or_above_coat = specialize_if_present(_is_above_coat)  # a coat's own normal, whether a direction is above the base's, the direction
 
 
 @helper

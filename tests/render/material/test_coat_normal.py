@@ -7,6 +7,7 @@ import pytest
 from maquette.compiler import ir
 from maquette.compiler.scene.row_records import Input, TextureData
 from maquette.materials import openpbr
+from maquette.render.integrator import direct_light
 from maquette.render.lanes import ops
 from maquette.render.material import anisotropic_facets, bsdf, principled, slabs
 from maquette.render.material.shader import evaluate_shader
@@ -21,8 +22,8 @@ Slot = ir.Slot
 LEAN = 0.6, 0.8, 0.0  # TILT on the square
 
 
-def scene(**slots):
-    """Tables of a square of slabs: each slot is a normal map of one direction, or a constant."""
+def scene(rounded=0.0, **slots):
+    """Tables of a square of slabs: each slot is a normal map of one direction, or a constant. `rounded`: slope of normals at corners."""
 
     def prepare(builder):
         image = builder.image(np.array([[[*((np.array(TILT) + 1) / 2), 1.0]]]))
@@ -30,7 +31,9 @@ def scene(**slots):
         inputs = {Slot[name]: Input((1.0, 1.0, 1.0), texture) if value == "map" else Input(value) for name, value in slots.items()}
         return [openpbr.data({Slot.COAT: Input.number(1.0), **inputs})]
 
-    data = make.mesh(SQUARE, TWO, uvs=MeshAttribute(UVS))
+    normals = SQUARE * rounded + [0.0, 1.0, 0.0]
+    normals = {"normals": MeshAttribute(normals / np.linalg.norm(normals, axis=1, keepdims=True))} if rounded else {}
+    data = make.mesh(SQUARE, TWO, uvs=MeshAttribute(UVS), **normals)
     return principled.tables_for(make.scene(meshes=[(data, make.matrix(), 0)], prepare=prepare))
 
 
@@ -67,6 +70,18 @@ def test_scenes_without_such_coats_keep_their_tables():
         tables = scene(**slots)
         assert not isinstance(getattr(getattr(tables.materials, "tangents", None), "coats", None), normal_map.CoatNormals)
         assert evaluate_shader(tables, point_at(tables)).slabs.coat_normal is None
+
+
+def test_light_below_the_normal_of_the_base_arrives_at_the_coat_above_the_facet():
+    """Light from the sky that only the coat faces begins where other light does: above a facet that stands for a rounded surface."""
+    point = point_at(scene(rounded=0.3, NORMAL="map", COAT_NORMAL=(0.0, 0.0, 1.0)))
+    raised, place = np.ravel(interaction.shadow_origin(point)), np.ravel(point.position)
+    assert raised[1] > place[1] + 0.01
+    below_base, below_both = ops.normalize((-0.95, 0.3, 0.0)), ops.normalize((-0.95, -0.1, 0.0))
+    assert np.dot(below_base, np.ravel(point.normal)) < 0 < below_base[1]
+    for direction, expected in (((0.0, 1.0, 0.0), raised), (below_base, raised), (below_both, place)):
+        origin = direct_light._shadow_origin(point, tuple(np.array([c]) for c in direction))
+        assert np.ravel(origin) == pytest.approx(expected, abs=1e-9), direction
 
 
 def leaning(lean, **arguments):

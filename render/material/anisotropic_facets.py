@@ -41,14 +41,6 @@ def facets(along: Vec, across: Vec, turns: Lane, roughness: Lane, anisotropy: La
 
 
 @helper
-def alpha_seen(facets_: Facets, normal: Vec, direction: Vec) -> Lane:
-    """α of round facets whose albedo in a direction is about the same: along the normal that of both, else nearer to its own side's."""
-    x, y = ops.dot(direction, facets_.along), ops.dot(direction, facets_.across)
-    anisotropic_part = 0.5 * (facets_.first * facets_.first - facets_.second * facets_.second) * (x * x - y * y)
-    return ops.sqrt(ops.maximum(facets_.alpha * facets_.alpha + anisotropic_part, SHARP * SHARP))
-
-
-@helper
 def to_frame(facets_: Facets, normal: Vec, direction: Vec) -> Vec:
     """A direction in the frame of the facets: along, across, outwards."""
     return ops.dot(direction, facets_.along), ops.dot(direction, facets_.across), ops.dot(direction, normal)

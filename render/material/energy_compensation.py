@@ -189,9 +189,9 @@ def _scaling(alpha: F64, cosine: F64, lost: F64) -> tuple[F64, F64]:
 
 
 def raise_to_bound(rows: F64) -> F64:
-    """Raise a table by its curvature f″ h²/8 along both axes, so that linear interpolation is an upper bound."""
+    """Raise a table by its curvature f″ h²/8 along all axes, so that linear interpolation is an upper bound."""
     more = np.zeros_like(rows)
-    for axis in (0, 1):
+    for axis in range(rows.ndim):
         f = np.moveaxis(rows, axis, -1)
         bend = np.maximum(2.0 * f[..., 1:-1] - f[..., :-2] - f[..., 2:], 0.0) / 8.0
         bend = np.concatenate([bend[..., :1], bend, bend[..., -1:]], axis=-1)

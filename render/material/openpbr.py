@@ -24,7 +24,7 @@ from ..simd.registration import overload
 from ..surface import tangent_frame
 from ..surface.material_inputs import color_of, number_of
 from ..types import Lane, Surface, Tables, Vec
-from . import anisotropic_facets, dielectric_albedo, energy_compensation, flakes, rough_dielectric, slab_film, slabs
+from . import anisotropic_albedo, anisotropic_facets, dielectric_albedo, energy_compensation, flakes, rough_dielectric, slabs, thin_film
 from .anisotropic_facets import Facets
 from .slab_passage import SAME, Passage
 from .slabs import LEAST, Slabs
@@ -80,6 +80,7 @@ class SlabTables(NamedTuple):
     films: Any  # Films or NoFilms
     passages: Any  # Passages or NoPassages
     flakes: Any  # flakes.Flakes or NoFlakes
+    anisotropy: Any  # anisotropic_albedo.AnisotropicTables or NoAnisotropy
 
 
 def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
@@ -87,12 +88,16 @@ def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
     if not (traits.slabs(tables) & traits.used(tables)).any():
         return NoSlabs()
     used = traits.used(tables)
-    turned = tangent_frame.Turned(1) if general or (traits.anisotropic(tables) & used).any() else tangent_frame.Round()
+    uneven = (traits.anisotropic(tables) & used).any()
+    turned = tangent_frame.Turned(1) if general or uneven else tangent_frame.Round()
     films = Films(1) if general or (traits.filmed(tables) & used).any() else NoFilms()
     passing = traits.passed(tables) & used
-    boundaries = rough_dielectric.tables_of_indices(_relative_indices(tables), passing) if general or passing.any() else None
+    indices = _relative_indices(tables)
+    boundaries = rough_dielectric.tables_of_indices(indices, passing) if general or passing.any() else None
+    albedos = anisotropic_albedo.tables_of(indices, passing, not uneven) if general or uneven else anisotropic_albedo.NoAnisotropy()
     passages = NoPassages() if boundaries is None else Passages(boundaries)
-    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages, flakes.tables_of(tables, general))
+    of_flakes = flakes.tables_of(tables, general)
+    return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages, of_flakes, albedos)
 
 
 def _relative_indices(tables: ir.Tables) -> NDArray[np.float64]:
@@ -182,7 +187,7 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
         facets, coat, coat_step, coat_ratio, log, coat_facets, dark, fibres, _color(tables, surface, FUZZ_COLOR),
         _share(tables, surface, FUZZ_ROUGHNESS), materials.slabs.metal, materials.slabs.reflection,
         _film(materials.slabs.films, None, tables, surface, color, ops.lerp(zero + 1.0, coat_ratio, coat)), None, flake,
-        coat_normal,
+        anisotropic_albedo.at(materials.slabs.anisotropy, None, facets, coat_facets), coat_normal,
     )  # fmt: skip
     return _with_passage(materials.slabs.passages, plain, tables, surface)
 
@@ -224,8 +229,8 @@ def _passing(passages: Passages, plain: Slabs, tables: Tables, surface: Surface)
 
 
 @helper
-def _film_outside(film: slab_film.Film, plain: Any, inside: Lane) -> slab_film.Film:
-    return slab_film.Film(ops.where(inside, 0.0, film.weight), film.thickness, film.ratio, film.f0)
+def _film_outside(film: thin_film.Film, plain: Any, inside: Lane) -> thin_film.Film:
+    return thin_film.Film(ops.where(inside, 0.0, film.weight), film.thickness, film.ratio, film.f0)
 
 
 _film_of = specialize_if_present(_film_outside)  # film, None, inside of a solid: the film, there without a weight
@@ -234,10 +239,10 @@ _with_passage = specialize_if_present(_passing)
 
 
 @helper
-def _film_at(films: Films, plain: Any, tables: Tables, surface: Surface, color: Vec, over: Lane) -> slab_film.Film:
+def _film_at(films: Films, plain: Any, tables: Tables, surface: Surface, color: Vec, over: Lane) -> thin_film.Film:
     ratio = ops.maximum(number_of(tables, surface, FILM_IOR) / over, 1.0)
     root = ops.sqrt(ops.minimum(color[0], 0.98)), ops.sqrt(ops.minimum(color[1], 0.98)), ops.sqrt(ops.minimum(color[2], 0.98))
-    return slab_film.Film(_share(tables, surface, FILM), ops.maximum(number_of(tables, surface, FILM_THICKNESS), 0.0), ratio, root)
+    return thin_film.Film(_share(tables, surface, FILM), ops.maximum(number_of(tables, surface, FILM_THICKNESS), 0.0), ratio, root)
 
 
 _film = specialize_if_present(_film_at)  # films, None, tables, surface, the metal's colour, the index over the film: Film or None
@@ -296,9 +301,7 @@ def _draw(part: Slabs, plain: tuple[Vec, Lane], normal: Vec, to_viewer: Vec, u: 
 
 
 @helper
-def _sample(
-    part: Slabs, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, all_: bool
-) -> tuple[Vec, Vec]:
+def _sample(part: Slabs, plain: tuple[Vec, Vec], normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, all_: bool) -> tuple[Vec, Vec]:
     every = ops.bool_like(u, all_)
     direction, counts = slabs.draw(part, normal, to_viewer, u, v, which, every)
     values = slabs.evaluate(part, normal, direction, to_viewer)

@@ -44,11 +44,11 @@ class Clear(NamedTuple):
 
 
 class AlbedoTables(NamedTuple):
-    """Tables of 1 − E."""
+    """Tables of 1 − E, and of R, the reflected part of E."""
 
     of: NDArray[np.int64]  # (materials,) table of a material
-    each: F64  # (k · 2 · ROWS · COLUMNS, 4) 1 − E of a column and of the next, from outside, then from inside; 0, 0
-    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; transmitted share of the loss over the latter; 0
+    each: F64  # (k · 2 · ROWS · COLUMNS, 4) 1 − E of a column and of the next, then R likewise; from outside, then from inside
+    mean: F64  # (k · 2 · ROWS, 4) mean of 1 − E on this side and on the other; transmitted share of the loss over the latter; mean of R
 
 
 class RoughGlass(NamedTuple):
@@ -146,6 +146,25 @@ def mean_lost_shares(frost: RoughGlass) -> tuple[Lane, Lane, Lane]:
     lower, upper = row_gather.four_at(frost.table.mean, frost.row + below), row_gather.four_at(frost.table.mean, frost.row + below + 1)
     other = ops.lerp(lower[1], upper[1], y)
     return ops.lerp(lower[0], upper[0], y), other, ops.minimum(ops.lerp(lower[2], upper[2], y) * other, 1.0)
+
+
+@helper
+def reflected_share(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
+    """R at a cosine, on the side whose rows begin at `row`: an upper bound, smeared where a smooth boundary begins to reflect all light."""
+    below, y = energy_compensation.row_of(frost.alpha, ROWS)
+    column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
+    cell = ops.minimum(ops.floor_int(column), COLUMNS - 2)
+    x = column - ops.to_float(cell)
+    lower = row_gather.four_at(frost.table.each, (row + below) * COLUMNS + cell)
+    upper = row_gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + cell)
+    return ops.lerp(ops.lerp(lower[2], lower[3], x), ops.lerp(upper[2], upper[3], x), y)
+
+
+@helper
+def mean_reflected_share(frost: RoughGlass, row: Lane) -> Lane:
+    """The mean of R over the hemisphere of a side, weighted by the cosine."""
+    below, y = energy_compensation.row_of(frost.alpha, ROWS)
+    return ops.lerp(row_gather.four_at(frost.table.mean, row + below)[3], row_gather.four_at(frost.table.mean, row + below + 1)[3], y)
 
 
 # --- evaluation and sampling ---------------------------------------------------------------------------------------------
@@ -333,20 +352,40 @@ def albedo_table(index: float) -> tuple[F64, F64]:
     cosine = energy_compensation.cosines(alpha, COLUMNS)
     sides = zip((index, 1.0 / index), NODES, MISSED, strict=True)
     rows = list(zip(cosine, alpha, strict=True))  # one by one they stay in the cache
-    sent = [
-        energy_compensation.raise_to_bound(np.stack([integral(*row, ratio, *nodes) for row in rows])) + missed
+    bounds = [
+        [energy_compensation.raise_to_bound(np.stack(share)) + missed
+         for share in zip(*(_shares(*row, ratio, *nodes) for row in rows), strict=True)]
         for ratio, nodes, missed in sides
-    ]
-    lost = np.clip(1.0 - np.stack(sent), 0.0, 1.0)
+    ]  # fmt: skip
+    reflected, sent = (np.stack(part) for part in zip(*bounds, strict=True))
+    lost, reflected = np.clip(1.0 - sent, 0.0, 1.0), np.minimum(reflected, 1.0)
+    means = _hemisphere(lost, alpha)
+    mean = mean_table(means + np.minimum(ROUNDED, 0.05 * means), index, alpha)
+    mean[..., 3] = _hemisphere(reflected, alpha)
+    each = np.stack([lost, _next_column(lost), reflected, _next_column(reflected)], axis=-1)
+    return np.ascontiguousarray(each.reshape(-1, 4)), np.ascontiguousarray(mean.reshape(-1, 4))
+
+
+def _next_column(table: F64) -> F64:
+    return np.concatenate([table[..., 1:], table[..., -1:]], axis=-1)
+
+
+def _hemisphere(sides: F64, alpha: F64) -> F64:
+    """(2, ROWS) cosine-weighted means of a (2, ROWS, COLUMNS) table, as it is interpolated."""
     nodes, weights = np.polynomial.legendre.leggauss(64)
     mu = 0.5 * (nodes + 1.0)
-    means = np.array([[np.interp(energy_compensation.column_of(mu, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * mu)
-                       for a, row in zip(alpha, side, strict=True)] for side in lost])  # fmt: skip
-    means = means + np.minimum(ROUNDED, 0.05 * means)
+    return np.array([[np.interp(energy_compensation.column_of(mu, a), np.linspace(0.0, 1.0, COLUMNS), row) @ (weights * mu)
+                      for a, row in zip(alpha, side, strict=True)] for side in sides])  # fmt: skip
+
+
+def mean_table(means: F64, index: float, alpha: F64) -> F64:
+    """(2, rows, 4) `AlbedoTables.mean` without R, of the (2, rows) means of 1 − E on both sides of a boundary, by rows of rising α."""
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    mu = 0.5 * (nodes + 1.0)
     # Reciprocity: x_out · mean_out = index² · x_in · mean_in; x is at most 1.
     clear = float(np.sum(weights * mu * (1.0 - np.asarray(reflectance(mu, np.full(64, max(index, 1.0 / index)))))))
-    outward = np.full(ROWS, clear / max(index, 1.0) ** 2)
-    ratio = np.divide(means[1], means[0], out=np.ones(ROWS), where=means[0] > 1e-9)
+    outward = np.full(len(alpha), clear / max(index, 1.0) ** 2)
+    ratio = np.divide(means[1], means[0], out=np.ones(len(alpha)), where=means[0] > 1e-9)
     inward = index**2 * outward * ratio
     other = means[::-1]
     over = np.divide(np.stack([inward, outward]), other, out=np.zeros_like(other), where=other > 1e-9)
@@ -355,13 +394,16 @@ def albedo_table(index: float) -> tuple[F64, F64]:
     between = 0.2503 * (over[:, 1:] + over[:, :-1]) * (other[:, 1:] + other[:, :-1])  # upper bound between rows
     most = np.pad(between, ((0, 0), (0, 1))), np.pad(between, ((0, 0), (1, 0))), over * other
     over = over / np.maximum(np.max(most, axis=(0, 1)), 1.0)  # equal for both directions
-    each = np.stack([lost, np.concatenate([lost[..., 1:], lost[..., -1:]], axis=-1), 0 * lost, 0 * lost], axis=-1)
-    mean = np.stack([means, other, over, 0 * means], axis=-1)
-    return np.ascontiguousarray(each.reshape(-1, 4)), np.ascontiguousarray(mean.reshape(-1, 4))
+    return np.stack([means, other, over, 0 * means], axis=-1)
 
 
 def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = 987, step: int = 610) -> F64:
-    """Return E by quadrature over visible normals: the single-scattering albedo of both sides.
+    """Return E by quadrature over visible normals: the single-scattering albedo of both sides."""
+    return _shares(cosine, alpha, ratio, nodes, step)[1]
+
+
+def _shares(cosine: Any, alpha: Any, ratio: float, nodes: int, step: int) -> tuple[F64, F64]:
+    """(R, E) by quadrature.
 
     Nodes are a Fibonacci lattice (Niederreiter and Sloan 1994), denser at steep facets. The critical angle and both horizons cause kinks
     at arbitrary places, which defeat rules for smooth functions.
@@ -385,4 +427,5 @@ def integral(cosine: Any, alpha: Any, ratio: float, nodes: int = 987, step: int 
     mirror, through = 2.0 * out * up - mu, (mu - out * up) / ratio + bent * up  # cosines on either side
     mirrored = np.where(mirror > 0.0, near / (near + smith_lambda(np.maximum(mirror, 1e-12), a)), 0.0)
     refracted = np.where(through > 0.0, shadowing_across(near - 1.0, smith_lambda(np.maximum(through, 1e-12), a)), 0.0)
-    return ((turned_back * mirrored + (1.0 - turned_back) * refracted) * weight).sum(axis=-1)
+    back = turned_back * mirrored
+    return (back * weight).sum(axis=-1), ((back + (1.0 - turned_back) * refracted) * weight).sum(axis=-1)

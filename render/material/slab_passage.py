@@ -12,15 +12,16 @@ Scenes without such materials compile nothing of it: the `passage` of their Slab
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..jit.kernel import helper, make_replace
 from ..lanes import ops
 from ..types import Lane, Vec
-from . import anisotropic_facets, energy_compensation, rough_dielectric
+from . import anisotropic_albedo, anisotropic_facets, energy_compensation, rough_dielectric
 from .anisotropic_facets import Facets
 
 LEAST = 1e-7
+TABLED = 0.01, 0.05  # α of facets whose reflection from inside is that of a smooth boundary, and tabulated
 SAME = 0.005  # a relative index nearer to 1 than this does not refract
 
 
@@ -42,26 +43,56 @@ _of_alpha = make_replace(rough_dielectric.RoughGlass, "alpha")
 
 
 @helper
-def lost_share(passage: Passage, table: energy_compensation.Albedo, facets: Facets, normal: Vec, direction: Vec, other: Lane) -> Lane:
-    """The share of light that a single bounce loses in a direction of this side, or of the other."""
-    cosine = ops.clip(ops.absolute(ops.dot(normal, direction)), LEAST, 1.0)
-    rough = _of_alpha(passage.rough, ops.minimum(anisotropic_facets.alpha_seen(facets, normal, direction), 1.0))
-    glass = rough_dielectric.lost_share(rough, ops.where(other, rough.other, rough.row), cosine)
-    wall = 1.0 - energy_compensation.directional_albedo(table, cosine, rough.alpha)[0]
+def lost_share(passage: Passage, slabs: Any, normal: Vec, direction: Vec, other: Lane) -> Lane:
+    """The share of light that a single bounce of the base of Slabs loses in a direction of this side, or of the other."""
+    cosine, facets = ops.clip(ops.absolute(ops.dot(normal, direction)), LEAST, 1.0), slabs.facets
+    rough = _of_alpha(passage.rough, ops.minimum(facets.alpha, 1.0))
+    side = ops.where(other, rough.other, rough.row)
+    glass = rough_dielectric.lost_share(rough, side, cosine)
+    wall = 1.0 - energy_compensation.directional_albedo(slabs.table, cosine, rough.alpha)[0]
+    wall, glass = anisotropic_albedo.lost(slabs.anisotropy, (wall, glass), facets, side, normal, direction)
     return ops.where(passage.straight, wall, glass)
 
 
 @helper
-def mean_lost_shares(passage: Passage, table: energy_compensation.Albedo) -> tuple[Lane, Lane, Lane]:
+def mean_lost_shares(passage: Passage, slabs: Any) -> tuple[Lane, Lane, Lane]:
     """(mean loss on this side, on the other, share of the loss that passes)."""
     rough = passage.rough
     this, other, through = rough_dielectric.mean_lost_shares(rough)
-    wall = 1.0 - energy_compensation.means(table, rough.alpha)[0]
+    wall = 1.0 - energy_compensation.means(slabs.table, rough.alpha)[0]
+    wall, this, other, through = anisotropic_albedo.mean_lost(
+        slabs.anisotropy, (wall, this, other, through), slabs.facets, rough.row
+    )  # fmt: skip
     step = (passage.ratio - 1.0) / (passage.ratio + 1.0)
     return (
         ops.where(passage.straight, wall, this), ops.where(passage.straight, wall, other),
         ops.where(passage.straight, 1.0 - ops.minimum(2.0 * step * step, 1.0), through),
     )  # fmt: skip
+
+
+@helper
+def reflected_inside(passage: Passage, facets: Facets, cosine: Lane) -> Lane:
+    """The share of light that the boundary reflects back into the solid: by Fresnel's equations, of a rough one by tables."""
+    rough = _of_alpha(passage.rough, ops.minimum(facets.alpha, 1.0))
+    index = ops.where(passage.inside, passage.ratio, 1.0 / passage.ratio)
+    smooth = rough_dielectric.reflectance(cosine, index)
+    tabled = rough_dielectric.reflected_share(rough, ops.where(passage.inside, rough.row, rough.other), cosine)
+    plain = ops.absolute(index - 1.0) < SAME
+    return ops.where(plain, smooth, ops.lerp(smooth, tabled, _roughened(rough.alpha)))
+
+
+@helper
+def _roughened(alpha: Lane) -> Lane:
+    """0 where facets are too fine for tables that smear the critical angle, 1 where tables hold."""
+    return ops.clip((alpha - TABLED[0]) * (1.0 / (TABLED[1] - TABLED[0])), 0.0, 1.0)
+
+
+@helper
+def mean_open_inside(passage: Passage, facets: Facets, open_: Lane) -> Lane:
+    """The mean of what a boundary lets through from inside; `open_` is that from outside of the facets alone."""
+    rough = _of_alpha(passage.rough, ops.minimum(facets.alpha, 1.0))
+    tabled = 1.0 - rough_dielectric.mean_reflected_share(rough, ops.where(passage.inside, rough.row, rough.other))
+    return ops.lerp(open_ * passage.ratio * passage.ratio, tabled, _roughened(rough.alpha))
 
 
 @helper

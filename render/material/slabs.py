@@ -19,6 +19,7 @@ from ..jit.kernel import helper, noinline_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import (
+    anisotropic_albedo,
     anisotropic_facets,
     dielectric_albedo,
     energy_compensation,
@@ -28,14 +29,13 @@ from . import (
     microfacet,
     oren_nayar,
     rough_dielectric,
-    slab_film,
     slab_passage,
+    thin_film,
 )  # fmt: skip
 from .anisotropic_facets import Facets
 from .slab_passage import Passage
 
 LEAST = 1e-7
-UNEVEN = 0.34, 0.03  # greatest gain by round facets in place of lines: of further bounces of a metal, of what passes a dielectric
 ROUGH_EXCESS = 0.07  # greatest gain of a rough diffuse base under a boundary, over the deviation of the boundary's albedo
 
 
@@ -65,6 +65,7 @@ class Slabs(NamedTuple):
     film: Any = None  # Film; None in scenes without
     passage: Any = None  # slab_passage.Passage; None in scenes without
     flake: Any = None  # flakes.Flake, whose facets are those of one flake; None in scenes without
+    anisotropy: Any = None  # anisotropic_albedo.Anisotropy; None in scenes where all facets are round
     coat_normal: Any = None  # Vec: of the coat, which has its own; None in scenes where all have that of the base
 
 
@@ -106,31 +107,40 @@ class Values(NamedTuple):
 def seen_from(slabs: Slabs, normal: Vec, direction: Vec, far: Lane) -> Seen:
     """What the slabs do with light of a direction above the surface. `far`: it is the mirror image of one on the other side."""
     cosine = ops.clip(ops.dot(normal, direction), LEAST, 1.0)
-    zero, alpha = 0.0 * cosine, anisotropic_facets.alpha_seen(slabs.facets, normal, direction)
-    base = dielectric_albedo.directional(slabs.reflection, cosine, alpha, slabs.step)
-    base = _within(slabs.passage, base, cosine, far)
-    coat, path, lost, again, bright = zero, zero + 1.0, zero, zero, (zero, zero, zero)
-    if ops.any_lane(slabs.coat > 0.0):
-        outer = anisotropic_facets.coat_normal(slabs.coat_normal, normal)
-        over, steep = anisotropic_facets.alpha_seen(slabs.coat_facets, outer, direction), ops.clip(ops.dot(outer, direction), LEAST, 1.0)
-        coat = slabs.coat * dielectric_albedo.directional(slabs.reflection, steep, over, slabs.coat_step)
-        sine = ops.maximum(1.0 - steep * steep, 0.0)
-        path = 1.0 / ops.sqrt(ops.maximum(1.0 - sine / (slabs.coat_ratio * slabs.coat_ratio), 0.01))
+    zero, alpha = 0.0 * cosine, slabs.facets.alpha
+    base, e, b, again = dielectric_albedo.directional(slabs.reflection, cosine, alpha, slabs.step), zero + 1.0, zero, zero
     if ops.any_lane(slabs.metal > 0.0):
         e, b = energy_compensation.directional_albedo(slabs.table, cosine, alpha)
-        lost, again = 1.0 - e, energy_compensation.further_bounces(slabs.table, cosine, alpha)
-        f0 = slabs.color
-        bright = f0[0] * (e - b) + b, f0[1] * (e - b) + b, f0[2] * (e - b) + b
-    return Seen(base, coat, path, lost, again, bright, slab_film.lets_through(slabs.film, None, slabs, cosine, alpha, base))
+        again = energy_compensation.further_bounces(slabs.table, cosine, alpha)
+    base, e, b, again = anisotropic_albedo.albedos(
+        slabs.anisotropy, (base, e, b, again), slabs.table, slabs.facets, slabs.step, normal, direction
+    )  # fmt: skip
+    base, f0 = _within_rough(slabs.passage, base, slabs.facets, cosine, far), slabs.color
+    bright = f0[0] * (e - b) + b, f0[1] * (e - b) + b, f0[2] * (e - b) + b
+    coat, path = zero, zero + 1.0
+    if ops.any_lane(slabs.coat > 0.0):
+        outer = anisotropic_facets.coat_normal(slabs.coat_normal, normal)
+        steep = ops.clip(ops.dot(outer, direction), LEAST, 1.0)
+        r = dielectric_albedo.directional(slabs.reflection, steep, slabs.coat_facets.alpha, slabs.coat_step)
+        covered = slabs.coat_facets, slabs.coat_step, outer, direction
+        coat = slabs.coat * anisotropic_albedo.albedos(slabs.anisotropy, (r, zero, zero, zero), slabs.table, *covered)[0]
+        sine = ops.maximum(1.0 - steep * steep, 0.0)
+        path = 1.0 / ops.sqrt(ops.maximum(1.0 - sine / (slabs.coat_ratio * slabs.coat_ratio), 0.01))
+    return Seen(base, coat, path, 1.0 - e, again, bright, thin_film.lets_through(slabs.film, None, slabs, cosine, alpha, base))
 
 
 @helper
-def _from_inside(passage: Passage, base: Lane, cosine: Lane, far: Lane) -> Lane:
-    """The reflectance of a dielectric, for light inside of a solid by its own index."""
-    return ops.where(passage.inside != far, rough_dielectric.reflectance(cosine, passage.ratio), base)
+def _rough_inside(passage: Passage, base: Lane, facets: Facets, cosine: Lane, far: Lane) -> Lane:
+    return ops.where(passage.inside != far, slab_passage.reflected_inside(passage, facets, cosine), base)
 
 
-_within = specialize_if_present(_from_inside)  # passage, the reflectance from outside, cosine, far
+@helper
+def _smooth_inside(passage: Passage, base: Lane, cosine: Lane) -> Lane:
+    return ops.where(passage.inside, rough_dielectric.reflectance(cosine, passage.ratio), base)
+
+
+_within_rough = specialize_if_present(_rough_inside)  # passage, R from outside, facets, cosine, whether on the other side: R on that side
+_within = specialize_if_present(_smooth_inside)  # passage, the reflectance of facets from outside, cosine: that from the viewer's side
 
 
 @helper
@@ -164,27 +174,21 @@ def _absorbed(slabs: Slabs, path: Lane) -> Vec:
 def _opening(slabs: Slabs) -> Lane:
     """The mean of what both boundaries let through, more for a rough base, which sends more light along the normal than Lambert's."""
     mean, deviation = dielectric_albedo.means(slabs.reflection, slabs.facets.alpha, slabs.step)
+    mean = anisotropic_albedo.mean_reflectance(slabs.anisotropy, mean, slabs.table, slabs.facets, slabs.step)
     open_ = 1.0 - mean + ROUGH_EXCESS * slabs.diffuse_roughness * deviation
     if ops.any_lane(slabs.coat > 0.0):
         coat, coat_deviation = dielectric_albedo.means(slabs.reflection, slabs.coat_facets.alpha, slabs.coat_step)
+        coat = anisotropic_albedo.mean_reflectance(slabs.anisotropy, coat, slabs.table, slabs.coat_facets, slabs.coat_step)
         open_ = open_ * (1.0 - slabs.coat * coat) + slabs.coat * deviation * coat_deviation  # both are correlated
-    open_ = _open_inside(slabs.passage, open_)
-    return ops.maximum(open_ * (1.0 + UNEVEN[1] * _unevenness(slabs.facets)), LEAST)
+    return ops.maximum(open_, LEAST)
 
 
 @helper
-def _open_from_inside(passage: Passage, open_: Lane) -> Lane:
-    return ops.where(passage.inside, open_ * passage.ratio * passage.ratio, open_)
+def _open_viewed(passage: Passage, open_: Lane, slabs: Slabs) -> Lane:
+    return ops.where(passage.inside, ops.maximum(slab_passage.mean_open_inside(passage, slabs.facets, open_), LEAST), open_)
 
 
-_open_inside = specialize_if_present(_open_from_inside)  # passage, the mean of what passes from outside: from this side
-
-
-@helper
-def _unevenness(facets: Facets) -> Lane:
-    """0 of round or polished facets, 1 of rough lines."""
-    ratio = facets.second / facets.first
-    return ops.minimum(facets.alpha * (1.0 / 0.3), 1.0) * ops.sqrt(ops.maximum(1.0 - ratio * ratio, 0.0))
+_open_on_side = specialize_if_present(_open_viewed)  # passage, the mean of what passes from outside, slabs: that from the viewer's side
 
 
 @helper
@@ -197,7 +201,7 @@ def _further(slabs: Slabs, cosines: tuple[Lane, Lane], facing: Lane, wide: Lane)
     y = spread * spread * up / (1.0 - up + spread * spread * up)
     factor, s, v, c = further_bounces.pair(slabs.table.pairs, out, into, alpha, y)
     color = further_bounces.colour(slabs.color, zero + 1.0, slabs.bend, alpha, s, v, c)
-    return ops.scale(color, wide * factor * (1.0 - UNEVEN[0] * _unevenness(slabs.facets)))
+    return ops.scale(color, wide * factor)
 
 
 @helper
@@ -215,7 +219,7 @@ def metal_reflectance(slabs: Slabs, cosine: Lane) -> Vec:
 
 @helper
 def _dielectric_reflectance(slabs: Slabs, cosine: Lane) -> Lane:
-    return _within(slabs.passage, dielectric_albedo.reflectance(cosine, slabs.step), cosine, ops.bool_like(cosine, False))
+    return _within(slabs.passage, dielectric_albedo.reflectance(cosine, slabs.step), cosine)
 
 
 @helper
@@ -224,7 +228,7 @@ def _base_reflectance(slabs: Slabs, cosine: Lane) -> Vec:
     plain = (1.0 - slabs.metal) * _dielectric_reflectance(slabs, cosine)
     metal, share, tint = metal_reflectance(slabs, cosine), slabs.metal * slabs.gleam, slabs.tint
     bare = share * metal[0] + plain * tint[0], share * metal[1] + plain * tint[1], share * metal[2] + plain * tint[2]
-    return slab_film.reflected(slabs.film, bare, slabs, cosine, metal)
+    return thin_film.reflected(slabs.film, bare, slabs, cosine, metal)
 
 
 @helper
@@ -247,8 +251,8 @@ _blurred = specialize_if_present(_passing_from_inside)  # passage, share that pa
 def _passage_chances(
     passage: Passage, plain: tuple[Lane, Lane, Lane], slabs: Slabs, past: Lane, below: Lane, normal: Vec, to_viewer: Vec
 ) -> tuple[Lane, Lane, Lane]:
-    tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, slabs.table)[2]
-    lost = slab_passage.lost_share(passage, slabs.table, slabs.facets, normal, to_viewer, ops.bool_like(past, False))
+    tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, slabs)[2]
+    lost = slab_passage.lost_share(passage, slabs, normal, to_viewer, ops.bool_like(past, False))
     lost = lost * below * passage.share
     through = ops.maximum(past * passage.share - lost, 0.05 * past * passage.share)
     return through * tint, lost * (1.0 - sides + sides * tint), past * passage.diffuse * ops.mean3(passage.diffuse_tint)
@@ -327,9 +331,10 @@ def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values
         shine = ops.add(shine, (coat, coat, coat))
         glossy = glossy + chance.coat * strength * 0.5 / (steep + reach_out)
 
-    passed = (1.0 - slabs.metal) * (1.0 - out.base) * (1.0 - into.base) * (1.0 - out.coat) * (1.0 - into.coat) / _opening(slabs)
+    opening = _open_on_side(slabs.passage, _opening(slabs), slabs)
+    passed = (1.0 - slabs.metal) * (1.0 - out.base) * (1.0 - into.base) * (1.0 - out.coat) * (1.0 - into.coat) / opening
     matt = oren_nayar.value(slabs.color, slabs.diffuse_roughness, cos_in, cos_out, ops.dot(to_light, to_viewer))
-    matt = slab_film.past(out.passes, ops.mul(ops.scale(matt, passed * cos_lit), below), into.passes)
+    matt = thin_film.past(out.passes, ops.mul(ops.scale(matt, passed * cos_lit), below), into.passes)
     matt = ops.scale(matt, _opaque(slabs.passage, zero + 1.0))
     directions = normal, to_light, to_viewer
     shine, matt, glossy, body = _passed(slabs.passage, (shine, matt, glossy, zero), slabs, directions, (out, into), chance, under)
@@ -357,17 +362,16 @@ def _other_side(
     value, density = slab_passage.refraction(passage, slabs.facets, normal, to_light, to_viewer)
     facing = ops.clip(ops.dot(slab_passage.facing_normal(passage, normal, to_light, to_viewer), to_viewer), 0.0, 1.0)
     rest = 1.0 - _dielectric_reflectance(slabs, facing)
-    color = slab_film.rest(slabs.film, (rest, rest, rest), slabs, facing)
+    color = thin_film.rest(slabs.film, (rest, rest, rest), slabs, facing)
     shine = ops.add(shine, ops.mul(ops.scale(ops.mul(color, passage.tint), passage.share * value), below))
     cosine = ops.maximum(-ops.dot(normal, to_light), 0.0)
-    gets = ops.where(passage.inside, (1.0 - into.base) / _opening(slabs), 1.0 - out.base)
-    body = slab_film.past(out.passes, ops.mul(ops.scale(passage.diffuse_tint, passage.diffuse * gets * cosine), below), out.passes)
+    gets = (1.0 - out.base) * ops.where(passage.inside, (1.0 - into.base) / _opening(slabs), 1.0)
+    body = thin_film.past(out.passes, ops.mul(ops.scale(passage.diffuse_tint, passage.diffuse * gets * cosine), below), out.passes)
     lit = cosine <= 0.0
-    mean, mean_other, sides = slab_passage.mean_lost_shares(passage, slabs.table)
-    cos_in, table = ops.clip(ops.absolute(ops.dot(normal, to_light)), LEAST, 1.0), slabs.table
-    lost = slab_passage.lost_share(passage, table, slabs.facets, normal, to_viewer, ops.bool_like(cos_in, False))
-    lost = lost * slab_passage.lost_share(passage, table, slabs.facets, normal, to_light, ops.not_(lit))
-    lost = lost * (1.0 - UNEVEN[0] * _unevenness(slabs.facets))
+    mean, mean_other, sides = slab_passage.mean_lost_shares(passage, slabs)
+    cos_in = ops.clip(ops.absolute(ops.dot(normal, to_light)), LEAST, 1.0)
+    lost = slab_passage.lost_share(passage, slabs, normal, to_viewer, ops.bool_like(cos_in, False))
+    lost = lost * slab_passage.lost_share(passage, slabs, normal, to_light, ops.not_(lit))
     side = ops.where(lit, 1.0 - sides, sides)
     again = passage.share * cos_in * lost * side / ops.maximum(ops.where(lit, mean, mean_other), LEAST)
     least = under * (1.0 - slabs.metal) * (1.0 - ops.maximum(out.coat, into.coat))
@@ -414,7 +418,7 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
     s, t = ops.basis(normal)
     flat, turn, height = ops.sqrt(ops.clip(u, 0.0, 1.0)), (2.0 * math.pi) * v, ops.sqrt(ops.maximum(1.0 - u, 0.0))
     spread = passing & (past < 0.0) & (past >= -chance.spread)
-    leaves = spread & _goes_through(slabs.passage, sinks, slabs.table, past, chance.spread)
+    leaves = spread & _goes_through(slabs.passage, sinks, slabs, past, chance.spread)
     matt = ops.in_basis(s, t, normal, flat * ops.cos(turn), flat * ops.sin(turn), ops.where(sinks | leaves, -height, height))
     if ops.any_lane(slabs.fuzz > 0.0):
         matt = ops.where3((past < chance.fuzz) & ops.not_(spread), fuzz.sample(slabs.fuzz_roughness, normal, to_viewer, u, v), matt)
@@ -424,12 +428,12 @@ def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lan
 
 
 @helper
-def _is_through(passage: Passage, plain: Lane, table: energy_compensation.Albedo, past: Lane, chance: Lane) -> Lane:
-    tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, table)[2]
+def _is_through(passage: Passage, plain: Lane, slabs: Slabs, past: Lane, chance: Lane) -> Lane:
+    tint, sides = ops.mean3(passage.tint), slab_passage.mean_lost_shares(passage, slabs)[2]
     return past + chance < chance * sides * tint / ops.maximum(1.0 - sides + sides * tint, LEAST)
 
 
-_goes_through = specialize_if_present(_is_through)  # passage, a mask, table, number below 0, chance: whether to the other side
+_goes_through = specialize_if_present(_is_through)  # passage, a mask, slabs, number below 0, chance: whether to the other side
 
 
 @helper

@@ -22,7 +22,7 @@ Slot = ir.Slot
 LEAN = 0.6, 0.8, 0.0  # TILT on the square
 
 
-def scene(rounded=0.0, **slots):
+def scene(rounded=0.0, /, **slots):
     """Tables of a square of slabs: each slot is a normal map of one direction, or a constant. `rounded`: slope of normals at corners."""
 
     def prepare(builder):
@@ -74,7 +74,7 @@ def test_scenes_without_such_coats_keep_their_tables():
 
 def test_light_below_the_normal_of_the_base_arrives_at_the_coat_above_the_facet():
     """Light from the sky that only the coat faces begins where other light does: above a facet that stands for a rounded surface."""
-    point = point_at(scene(rounded=0.3, NORMAL="map", COAT_NORMAL=(0.0, 0.0, 1.0)))
+    point = point_at(scene(0.3, NORMAL="map", COAT_NORMAL=(0.0, 0.0, 1.0)))
     raised, place = np.ravel(interaction.shadow_origin(point)), np.ravel(point.position)
     assert raised[1] > place[1] + 0.01
     below_base, below_both = ops.normalize((-0.95, 0.3, 0.0)), ops.normalize((-0.95, -0.1, 0.0))

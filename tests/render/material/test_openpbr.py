@@ -35,7 +35,11 @@ WHITE = {
     "all": {"base_metalness": 0.3, "base_diffuse_roughness": 0.5, "coat_weight": 0.7, "coat_roughness": 0.4, "fuzz_weight": 0.5},
 }
 LEAST = {
-    "film": 0.85, "film on metal": 0.6, "metal of lines": 0.52, "lines": 0.88, "coated metal": 0.93, "rough base": 0.95,
+    "film": 0.85,
+    "film on metal": 0.6,
+    "lines": 0.95,
+    "coated metal": 0.93,
+    "rough base": 0.95,
 }  # fmt: skip; at any roughness and angle
 
 
@@ -212,6 +216,9 @@ PASSAGES = {
     "sheet": {"transmission_weight": 1, "thin_walled": 1},
     "bubble": {"transmission_weight": 1, "thin_walled": 1, "specular_ior": 1, "thin_film_weight": 1, "thin_film_thickness": 0.3},
     "body": {"subsurface_weight": 1},
+    "half body": {"transmission_weight": 0.5, "subsurface_weight": 1, "subsurface_color": 1},
+    "glass of lines": {"transmission_weight": 1, "specular_roughness_anisotropy": 0.9},
+    "sheet of lines": {"transmission_weight": 1, "thin_walled": 1, "specular_roughness_anisotropy": 0.9},
     "leaf": {"subsurface_weight": 0.7, "subsurface_color": 1, "thin_walled": 1, "base_color": 1},
     "coated glass": {"transmission_weight": 1, "coat_weight": 1},
 }
@@ -220,18 +227,18 @@ PASSAGES = {
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("name", PASSAGES)
 def test_what_light_passes_gains_none(name, inside):
-    """It loses at most 2 % from outside, and 9 % where light meets a rough boundary from inside, but for half glass."""
+    """It loses at most 2 % from outside, and 9 % where light meets a rough boundary from inside."""
     for roughness, least in ((0.0, 0.98), (0.2, 0.98), (0.5, 0.97), (1.0, 0.98)):
         least = 0.91 if inside and roughness > 0.0 else least - 0.02 * ("coat" in name)
         for angle in (0.3, 1.3):
             share, error = energy(given(**PASSAGES[name], specular_roughness=roughness), angle, 50, 0.3, inside)
             assert share <= 1.005 + 3 * error, (roughness, angle, share, error)
-            assert share >= (least if "half" not in name or not inside else 0.4 * least) - 3 * error, (roughness, angle, share, error)
+            assert share >= least - 3 * error, (roughness, angle, share, error)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("inside", [False, True])
-@pytest.mark.parametrize("name", ["glass", "sheet", "leaf", "half glass"])
+@pytest.mark.parametrize("name", ["glass", "sheet", "leaf", "half glass", "half body"])
 def test_samples_that_pass_follow_the_density(name, inside):
     angle, turn = 0.7, 0.8
     arguments = {"specular_roughness": 0.6, "specular_roughness_anisotropy": 0.4}

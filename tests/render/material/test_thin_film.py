@@ -51,6 +51,18 @@ def test_colors_are_those_of_airys_formula(film, base):
             assert np.allclose(found, expected, atol=off), (thickness, cosine)
 
 
+@pytest.mark.parametrize(("film", "base", "off", "grazing"), [
+    (1.33, 5.0, 0.02, 0.03), (1.33, 39.0, 0.01, 0.04), (1.8, 10.0, 0.035, 0.08), (1.8, 39.0, 0.02, 0.11), (2.4, 10.0, 0.05, 0.04),
+    (2.4, 1.5, 0.03, 0.01),
+])  # fmt: skip
+def test_films_on_metals_at_sixty_thicknesses(film, base, off, grazing):
+    """An index of 39 reflects 0.9 at normal incidence, 10 0.67, 5 0.44. The brighter both boundaries, the more the fourth term matters."""
+    for thickness in np.linspace(0.02, 1.2, 60):
+        for cosine, most in ((1.0, off), (0.8, off), (0.5, 0.045), (0.2, grazing)):
+            color = thin_film.reflectance(np.float64(cosine), film, thickness, (base, base, base))
+            assert np.allclose(color, np.clip(airy(cosine, film, thickness, base), 0.0, 1.0), atol=most), (thickness, cosine)
+
+
 def test_a_film_without_thickness_is_none():
     """Both boundaries become that of the base, within the terms that are left out."""
     for cosine in (1.0, 0.6, 0.3):

@@ -188,10 +188,14 @@ def creatematrix(e: Evaluator, node: Node, output: str, count: int) -> Sequence[
 
 @handles("transformpoint", "transformvector", "transformnormal")
 def transform(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
-    spaces = {"object" if name == "model" else name for name in (e.text(node, "fromspace"), e.text(node, "tospace")) if name}
-    if len(spaces) == 2:
-        e.host.tell(f"the spaces {' and '.join(sorted(spaces))} of {node.definition} are drawn as the frame of the object", node.place)
-    return e.input(node, "in", count)
+    before, after = ("object" if name == "model" else name for name in (e.text(node, "fromspace"), e.text(node, "tospace")))
+    names = e.input(node, "in", count)
+    if "" in (before, after) or before == after:
+        return names
+    if {before, after} == {"object", "world"}:
+        return e.moved(names, library.category(node).removeprefix("transform"), node.place, back=before == "world")
+    e.host.tell(f"the spaces {before} and {after} of {node.definition} are drawn as the frame of the object", node.place)
+    return names
 
 
 # --- channels and conditions --------------------------------------------------------------------------------------------

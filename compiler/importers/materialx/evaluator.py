@@ -10,6 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
+from ...formula.opcodes import Op
 from ...formula.tape import X, Y, Z
 from ...texture_graph import opcodes
 from ...texture_graph.graph_builder import GraphBuilder
@@ -19,6 +22,7 @@ from .graph import COUNTS, Node, Port
 Names = tuple[int, ...]
 MOST_DEPTH = 120  # nodes one behind the other
 MOST_NODES = 20_000  # values of a graph
+SINGULAR = 1e-30  # determinant of a frame without an inverse
 
 
 class Host(Protocol):
@@ -33,6 +37,14 @@ class Host(Protocol):
 
     def primvar(self, name: str, kind: str, default: Sequence[float], place: Any) -> Sequence[float]:
         """The constant value of a primvar."""
+        ...
+
+    def is_u(self, name: str) -> bool:
+        """Whether u is a primvar of one number that varies over the surface."""
+        ...
+
+    def world(self) -> np.ndarray | None:
+        """(4, 4) from the frame of tapes to that of the world; None where one surface has several."""
         ...
 
     @property
@@ -180,8 +192,27 @@ class Evaluator:
         """A property of the geometry that is the default of an input."""
         if name.startswith("UV"):
             return self.coordinates()
-        if name.startswith("P"):
-            return X, Y, Z
-        if name.startswith("N"):
-            return opcodes.NORMAL_X, opcodes.NORMAL_Y, opcodes.NORMAL_Z
+        kind = {"P": "point", "N": "normal"}.get(name[:1], "")
+        names = (X, Y, Z) if kind == "point" else (opcodes.NORMAL_X, opcodes.NORMAL_Y, opcodes.NORMAL_Z)
+        if kind:
+            return self.moved(names, kind, None) if name.endswith("world") else names
         raise NotDrawn(f"the {'tangent' if name.startswith(('T', 'B')) else name} of the surface is not drawn in textures")
+
+    def moved(self, names: Names, kind: str, place: Any, back: bool = False) -> Names:
+        """A point, vector or normal of the object's frame in that of the world; or `back`. Normals have a length of 1."""
+        frame, b = self.host.world(), self.builder
+        if frame is None or abs(float(np.linalg.det(frame[:3, :3]))) < SINGULAR:
+            self.host.tell(f"a {kind} in the space `world` is drawn as that in the frame of the object: it has several places", place)
+            return names
+        matrix = np.linalg.inv(frame) if back else frame
+        if kind == "normal":
+            matrix = np.linalg.inv(matrix).T
+        shift = matrix[:3, 3] if kind == "point" else np.zeros(3)
+        parts = [
+            b.total([*(b.scale(name, float(m)) for name, m in zip(names, row[:3], strict=True)), b.constant(float(t))])
+            for row, t in zip(matrix[:3], shift, strict=True)
+        ]
+        if kind != "normal":
+            return tuple(parts)
+        size = b.op(Op.SQRT, b.total([b.multiply(part, part) for part in parts]))
+        return tuple(b.divide(part, size) for part in parts)

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from ...formula.opcodes import Op
 from ...texture_graph.opcodes import Op as GraphOp
+from ...texture_graph.opcodes import U
 from . import library
 from .elementary import smooth
 from .evaluator import Evaluator, Names, NotDrawn, handles
@@ -163,9 +164,8 @@ def curve(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
 @handles("position", "normal", "tangent", "bitangent")
 def geometry(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
     category, space = library.category(node), e.text(node, "space", "object")
-    if space == "world":
-        e.host.tell(f"the {category} in the space `world` is drawn as that in the frame of the object", node.place)
-    return e.geometry({"position": "P", "normal": "N", "tangent": "T", "bitangent": "B"}[category])
+    names = e.geometry({"position": "P", "normal": "N", "tangent": "T", "bitangent": "B"}[category])
+    return e.moved(names, "point" if category == "position" else "normal", node.place) if space == "world" else names
 
 
 @handles("texcoord")
@@ -181,6 +181,8 @@ def primvar(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
     kind = e.kind(node, output)
     if kind == "vector2":
         return e.coordinates(name)
+    if kind == "float" and e.host.is_u(name):
+        return [U]
     fallback = e.input(node, "default" if "default" in node.inputs else "fallback", count)
     numbers = [e.builder.number(each) or 0.0 for each in fallback]
     return [e.builder.constant(number) for number in e.host.primvar(name, kind, numbers, node.place)]
@@ -199,5 +201,3 @@ def bent(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
 @handles("flake2d", "flake3d")
 def flake(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
     raise NotDrawn(f"the shader `{node.definition}` is not drawn")
-
-

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from .. import images
 from ..common import uv_sets
 from ..materialx import library
 from ..materialx.evaluator import Evaluator, Names, NotDrawn
-from ..materialx.graph import Node, Port
+from ..materialx.graph import COUNTS, Node, Port
 from .assets import asset
 from .shaders import materialx
 from .shaders.network import Fit, Graph
@@ -41,6 +41,8 @@ class FileHost:
     wraps: dict[str, ir.Wrap]
     prim: Any
     plain: str  # the coordinates that are the mesh's own
+    frame: np.ndarray | None = None  # (4, 4) from that of tapes to the world of the stage; None where it has several
+    white: str | None = None  # a primvar with 1 in place of its value
 
     def picture(self, node: Node, file: Port, wraps: tuple[str, str], nearest: bool) -> tuple[int, Any] | None:
         opened = asset(file.value, self.warnings, node.place)
@@ -70,10 +72,18 @@ class FileHost:
         return frame[0].tolist(), frame[1].tolist()
 
     def primvar(self, name: str, kind: str, default: Sequence[float], place: Any) -> Sequence[float]:
+        if name == self.white:
+            return [1.0] * COUNTS[kind]
         mean, count = primvar_mean(self.prim, name, self.warnings.opened.time)
         if count > 1:
             self.warnings.tell(f"the primvar `{name}` varies over the surface: its mean is drawn", self.prim)
         return default if mean is None else np.ravel(mean).tolist()
+
+    def is_u(self, name: str) -> bool:
+        return name == self.fit.number
+
+    def world(self) -> np.ndarray | None:
+        return self.frame
 
     def tell(self, message: str, place: Any) -> None:
         self.warnings.tell(message, place)
@@ -81,7 +91,7 @@ class FileHost:
 
 def row(host: FileHost, graph: Graph, count: int, span: Span) -> int:
     """The row of a graph's texture of 1 or 3 numbers; NONE, with a warning, where it cannot be drawn."""
-    evaluator = Evaluator(host)
+    evaluator = Evaluator(replace(host, white=graph.factor) if graph.of_white else host)
     try:
         names = evaluator.node(graph.node, graph.output)
         return _texture(host, graph, evaluator.builder, of_count(evaluator, names, count), span)

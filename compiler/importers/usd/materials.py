@@ -9,6 +9,7 @@ Nodes follow the UsdPreviewSurface Specification, version 2.6.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from ...scene.row_records import BLACK, WHITE, Color, Input, MaterialData, Textu
 from .. import images
 from ..common import uv_sets, vertex_numbers
 from ..common.replacements import Replacements
+from ..materialx.graph import Node
 from . import graph_textures, sources
 from .assets import Asset, asset, contents
 from .audit import Audit
@@ -65,6 +67,8 @@ class Materials:
     _rows: dict[Any, int] = field(default_factory=dict)  # of networks that read no primvars, by path and fit
     _fit: Fit = field(default_factory=Fit)  # of the row that is being made
     _plain: str = "st"  # the coordinates of its mesh
+    _frame: np.ndarray | None = None  # (4, 4) from the geometry of its part to the stage's world
+    base: np.ndarray | None = None  # (4, 4) of the stage's world; None inside of prototypes
     replaced: Replacements = field(default_factory=Replacements)
 
     def __post_init__(self) -> None:
@@ -116,9 +120,9 @@ class Materials:
             mapped = materialx.surface(shader, kind, self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
             mapped["opacity"], mapped["opacityThreshold"] = slabs.coverage(shader, self.sources.source)
             return Network(str(prim.GetPath()), str(prim.GetName()), {**_FALLBACKS, **mapped, "displacement": 0.0})
-        if kind in closures.SURFACES and not (kind == scattering.GRAPH and scattering.is_plain(shader)):
+        if closures.reads(shader, str(kind)):
             node = self.sources.graphs.node(shader)
-            read = closures.Closures(self.sources.graphs, lambda message: self.tell(message, shader.GetPrim())).read(node)
+            read = closures.Closures(self.sources.graphs, self._slabs, lambda message: self.tell(message, shader.GetPrim())).read(node)
             return Network(str(prim.GetPath()), str(prim.GetName()), {**read, "displacement": 0.0})
         if kind == scattering.GRAPH:
             graph = scattering.Graph(self.sources.source, lambda message: self.tell(message, shader.GetPrim()))
@@ -139,6 +143,15 @@ class Materials:
             self.tell("the displacement of this material is not drawn: its outputs:displacement is not connected", prim)
         return Network(str(prim.GetPath()), str(prim.GetName()), inputs)
 
+    def _slabs(self, node: Node) -> dict[str, Any] | None:
+        """The inputs of OpenPBR of a surface shader in a mixture; None, with a warning, for one that is not drawn."""
+        shader = UsdShade.Shader(node.place)
+        if node.definition not in slabs.PARTS:
+            self.tell(f"the surface shader `{node.definition}` is not drawn: the others of its mixture are", node.place)
+            return None
+        arithmetic = Arithmetic(self.sources.graphs)
+        return slabs.surface(shader, node.definition, self.sources.source, arithmetic, lambda message: self.tell(message, node.place))
+
     # --- rows ---
 
     def without_negatives(self, color: Color, prim: Any, what: str) -> Color:
@@ -158,31 +171,33 @@ class Materials:
         share = Input.number(1.0, vertex_numbers.texture(self.builder)) if ramp else Input.number(opacity)
         return self.builder.material(partial_coverage.with_opacity(lambert(color, name=name), share))
 
-    def row(self, network: Network, prim: Any, fit: Fit) -> int:
-        """The row of a network for a part of a prim, whose primvars it may read."""
+    def row(self, network: Network, prim: Any, fit: Fit, frame: np.ndarray) -> int:
+        """The row of a network for a part of a prim, whose primvars it may read. `frame` (4, 4) places its geometry."""
         if network.row != NONE:
             return network.row
+        self._frame = None if self.base is None else np.linalg.solve(self.base, frame)
         if any(isinstance(source, Primvar) for source in network.inputs.values()):
             return self._row(network, prim, fit)
+        means = [primvar_mean(prim, name, self.opened.time)[0] for name in network.primvars]
+        place = self._frame.tobytes() if network.in_world and self._frame is not None else b""
         maps = tuple((name, None if map_ is None else map_.tobytes()) for name, map_ in fit.maps.items())
-        key = (network.path, fit.colored, fit.number, fit.tiles, maps)
+        read = tuple(None if mean is None else np.asarray(mean).tobytes() for mean in means)
+        key = (network.path, fit.colored, fit.number, fit.tiles, maps, place, read)
         if key not in self._rows:
             self._rows[key] = self._row(network, prim, fit)
         return self._rows[key]
 
     def _row(self, network: Network, prim: Any, fit: Fit) -> int:
         i, self._fit, self._plain = network.inputs, fit, next(iter(network.varnames), "st")
-        normal, bump = self._normals(i["normal"], prim)
         span = Span(f"{self.opened.name}<{network.path}>")
         if slabs.KEY in i:
-            reader = _Reader(self, prim)
-            maps = {slot: each for slot, each in ((ir.Slot.NORMAL, normal), (ir.Slot.BUMP, bump)) if each is not None}
-            maps |= self._coat_normal(i.get(slabs.COAT_NORMAL), prim)
-            arithmetic, metres = Arithmetic(self.sources.graphs), self.opened.meters_per_unit
+            reader, metres, arithmetic = _Reader(self, prim), self.opened.meters_per_unit, Arithmetic(self.sources.graphs)
+            maps = reader.maps(i) if i[slabs.KEY] is True else {}
             rows = slabs.Rows(reader, arithmetic, network.name, span, metres, maps, prim, reader.tell)
             threshold = min(max(self._mean_of(i.get("opacityThreshold", 0.0), 0.0, prim), 0.0), 1.0)
-            return rows.row({**i, "base_color": WHITE} if fit.colored else i, self._opacity(i["opacity"], prim), threshold)
-        diffuse = Input(WHITE) if fit.colored else self._color(i["diffuseColor"], DEFAULT_COLOR, prim)
+            return rows.row({**i, "base_color": network.white} if fit.colored else i, self._opacity(i["opacity"], prim), threshold)
+        normal, bump = self._normals(i["normal"], prim)
+        diffuse = self._color(network.white if fit.colored else i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
             specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim)
@@ -208,7 +223,7 @@ class Materials:
         return graph_textures.row(self._host(prim), graph, count, self.opened.span(graph.node.place))
 
     def _host(self, prim: Any) -> graph_textures.FileHost:
-        return graph_textures.FileHost(self.builder, self.warnings, self._fit, _WRAPS, prim, self._plain)
+        return graph_textures.FileHost(self.builder, self.warnings, self._fit, _WRAPS, prim, self._plain, self._frame)
 
     def _color(self, source: Any, fallback: Color, prim: Any) -> Input:
         if isinstance(source, Graph):
@@ -217,9 +232,9 @@ class Materials:
             texture, value = self._texture(source)
             return Input(WHITE, texture) if texture != NONE else Input(value)
         resolved = self._primvar(source, prim) if isinstance(source, Primvar) else source
-        if not np.isfinite(_floats(resolved)).all():
+        if not np.isfinite(sources.floats(resolved)).all():
             self.tell("a colour of this prim's material is not finite: its default is drawn", prim)
-        return Input(self.without_negatives(_rgb(resolved, fallback), prim, "a colour of this prim's material"))
+        return Input(self.without_negatives(sources.rgb(resolved, fallback), prim, "a colour of this prim's material"))
 
     def _normals(self, source: Any, prim: Any) -> tuple[Input | None, Input | None]:
         """A normal map and a map of heights; None for absent ones."""
@@ -244,7 +259,7 @@ class Materials:
             if isinstance(source, Primvar):
                 self.tell("a `normal` of UsdPreviewSurface from a primvar is not drawn", prim)
                 return None
-            return self._constant_normal(_floats(source))
+            return self._constant_normal(sources.floats(source))
         gain, bias, _ = self._levels(source)
         texture, _ = self._texture(source, color=False, raw=True)
         if texture == NONE:
@@ -410,6 +425,11 @@ class _Reader:
     def constant(self, source: Any, fallback: float) -> float:
         return self.materials._mean_of(source, fallback, self.prim)
 
+    def maps(self, inputs: Mapping[str, Any]) -> dict[ir.Slot, Input]:
+        normal, bump = self.materials._normals(inputs[slabs.NORMAL], self.prim)
+        maps = {slot: each for slot, each in ((ir.Slot.NORMAL, normal), (ir.Slot.BUMP, bump)) if each is not None}
+        return maps | self.materials._coat_normal(inputs.get(slabs.COAT_NORMAL), self.prim)
+
     def tell(self, message: str) -> None:
         self.materials.tell(message, self.prim)
 
@@ -420,18 +440,3 @@ def _purpose(relation: str) -> str:
     if parts[:1] == ["collection"]:
         return parts[1] if len(parts) == 3 else ""
     return parts[0] if parts else ""
-
-
-def _floats(value: Any) -> np.ndarray:
-    try:
-        return np.array(value, np.float64)
-    except (TypeError, ValueError):
-        return np.zeros(0)
-
-
-def _rgb(value: Any, fallback: Color) -> Color:
-    try:
-        numbers = [float(v) for v in value][:3] if hasattr(value, "__len__") else [float(value)] * 3
-    except (TypeError, ValueError):
-        return fallback
-    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else fallback

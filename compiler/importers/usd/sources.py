@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from pxr import UsdShade
 
+from ...scene.row_records import Color
 from . import stage
 from .audit import Audit
 from .shaders import graphs, materialx
@@ -65,6 +66,8 @@ class Sources:
                 value = stage.value(attribute, self.warnings.opened.time)
                 return fallback if value is None else _linear(attribute, value)
             kind = str(node.GetIdAttr().Get())
+            if fallback is None and kind == graphs.OWN_NORMAL:
+                return None
             output = str(attribute.GetName()).rpartition(":")[2]
             if materialx.is_picture(kind) and (place := self._coordinates(node, kind)) is not None:
                 self.audit.shader(node.GetPrim(), kind)
@@ -139,3 +142,20 @@ def rows(frame: np.ndarray) -> tuple[tuple[float, float, float], tuple[float, fl
     """The first two rows of a frame."""
     u, v = (frame[:2] + 0.0).tolist()
     return (u[0], u[1], u[2]), (v[0], v[1], v[2])
+
+
+def floats(value: Any) -> np.ndarray:
+    """A value as numbers; none where it is no number or array of numbers."""
+    try:
+        return np.array(value, np.float64)
+    except (TypeError, ValueError):
+        return np.zeros(0)
+
+
+def rgb(value: Any, fallback: Color) -> Color:
+    """Three numbers of a colour or of a grey; `fallback` where a value has none."""
+    try:
+        numbers = [float(v) for v in value][:3] if hasattr(value, "__len__") else [float(value)] * 3
+    except (TypeError, ValueError):
+        return fallback
+    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else fallback

@@ -85,7 +85,7 @@ class Walk:
 
     def run(self, root: Any, matrix: np.ndarray, base: np.ndarray) -> None:
         """Traverse `root` and its descendants. `matrix` (4, 4) is its parent's transform, `base` the world's."""
-        purpose, draw_mode, detail = "default", "default", None
+        purpose, draw_mode, detail, self.materials.base = "default", "default", None, base
         if not root.IsPseudoRoot():
             imageable = UsdGeom.Imageable(root)
             if imageable and imageable.ComputeVisibility(self.opened.time) == UsdGeom.Tokens.invisible:
@@ -252,8 +252,7 @@ class Walk:
         network = self.materials.bound(prim)
         if shape_meshes.is_wanted(prim, mesh_inputs.reads(network, prim), self.builder.diagnostics, self.opened.span(prim)):
             return self._part(prim, prim, None, "", matrix)
-        row = self._material(network, prim, Fit(), matrix)
-        has_color = network is not None or self._has_color(prim)
+        row, has_color = self._material(network, prim, Fit(), matrix, shape.matrix), network is not None or self._has_color(prim)
         return [Piece(shape.geometry, row, matrix @ shape.matrix, prim, str(prim.GetPath()), has_color)]
 
     def _stand_in(self, prim: Any, state: _Inherited) -> list[Piece]:
@@ -292,9 +291,8 @@ class Walk:
             geometry = self._geometry(prim, reads, part, name, network, matrix)
             if geometry == NONE:
                 continue
-            row = self._material(network, prim, part.fit, matrix)
             has_color = network is not None or reads.color is not None or self._has_color(prim)
-            pieces.append(Piece(geometry, row, matrix, prim, str(owner.GetPath()), has_color))
+            pieces.append(Piece(geometry, self._material(network, prim, part.fit, matrix), matrix, prim, str(owner.GetPath()), has_color))
         return pieces
 
     def _geometry(
@@ -357,12 +355,12 @@ class Walk:
     def _has_color(self, prim: Any) -> bool:
         return primvar_mean(prim, DISPLAY_COLOR, self.opened.time)[0] is not None
 
-    def _material(self, network: Network | None, prim: Any, fit: Fit, matrix: np.ndarray) -> int:
+    def _material(self, network: Network | None, prim: Any, fit: Fit, matrix: np.ndarray, own: np.ndarray | None = None) -> int:
         radiance = lights.mesh_radiance(prim, matrix, self.unit, self.opened, self.materials)
         if network is not None and network.displaced and str(prim.GetTypeName()) not in MESHES:
             self.materials.tell("displacement is drawn on meshes alone", prim)
         if network is not None and radiance is None:
-            return self.materials.row(network, prim, fit)
+            return self.materials.row(network, prim, fit, matrix if own is None else matrix @ own)
         color, colors = (np.ones(3), 1) if fit.colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
         opacity, opacities = primvar_mean(prim, DISPLAY_OPACITY, self.opened.time)
         if colors > 1:
@@ -392,8 +390,10 @@ class Walk:
         if key not in self._shared:
             pieces: dict[str, list[Piece]] = {}
             inside = replace(state, matrix=np.eye(4), base=np.eye(4))
+            base, self.materials.base = self.materials.base, None
             for prim in prims:
                 self._below(prim, inside, pieces)
+            self.materials.base = base
             self._shared[key] = (owner, pieces)
         return self._shared[key]
 

@@ -69,6 +69,8 @@ class Arithmetic:
         for number, other in ((first, b), (second, a)):
             if number is not None and number.ndim == 0 and isinstance(other, Graph | Picture):
                 return other.times(float(number))
+            if number is not None and (number == 1.0).all() and isinstance(other, Primvar):
+                return other
         of_colors = any(isinstance(each, Graph) and each.kind.startswith("color") for each in (a, b)) or _is_color(a) or _is_color(b)
         return self.apply("ND_multiply_color3" if of_colors else "ND_multiply_float", 0.0, place, in1=a, in2=b)
 

@@ -1,4 +1,4 @@
-"""Graphs of BSDFs below ND_surface as slabs of OpenPBR: layers merge where OpenPBR has them, mixtures are blends.
+"""Graphs of BSDFs and mixtures of surface shaders as slabs of OpenPBR: layers merge where OpenPBR has them, mixtures are blends.
 
 A dielectric over a diffuse base is its specular, over another surface its coat; sheen is fuzz. Definitions: MaterialX Physically Based
 Shading Nodes 1.39.
@@ -7,8 +7,9 @@ Shading Nodes 1.39.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,15 +17,26 @@ import numpy as np
 from ...materialx import library
 from ...materialx.graph import Node, Port
 from ...materialx.physical import NARROWEST
-from . import slabs
+from . import scattering, schlick, slabs
 from .arithmetic import Arithmetic, is_zero, numbers
-from .graphs import Graphs
+from .graphs import OWN_NORMAL, Graphs
+from .network import Graph
 
 MOST_NODES = 64
-BLACK_SLAB = {**slabs.DEFAULTS, "base_color": (0.0,) * 3, "specular_weight": 0.0, "specular_ior": 1.5}
+DEFAULT_SLAB = {**slabs.DEFAULTS, slabs.NORMAL: None}
+BLACK_SLAB = {**DEFAULT_SLAB, "base_color": (0.0,) * 3, "specular_weight": 0.0, "specular_ior": 1.5}
 SURFACES = ("ND_surface", "ND_surface_unlit")
+JOINED = ("ND_mix_surfaceshader", "ND_dot_surfaceshader", "ND_convert_")  # beginnings of the definitions of surfaces made of others
+_WEIGHTS = ("specular_weight", "fuzz_weight", "transmission_weight", "subsurface_weight", "coat_weight")
 _TOPS = ("dielectric", "schlick", "sheen")
 Tell = Callable[[str], None]
+Shaders = Callable[[Node], Mapping[str, Any] | None]
+"""The inputs of OpenPBR of a surface shader, as standard_surface; None, with a warning, for one that is not drawn."""
+
+
+def reads(shader: Any, kind: str) -> bool:
+    """Whether a surface shader is read here."""
+    return kind.startswith(JOINED) or (kind in SURFACES and not (kind == scattering.GRAPH and scattering.is_plain(shader)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +60,47 @@ Tree = Slab | Mixed
 
 
 class Closures:
-    """Reads the BSDFs of one surface."""
+    """Reads the BSDFs of one surface. `shaders` reads those that are no graph of BSDFs."""
 
-    def __init__(self, graphs: Graphs, tell: Tell) -> None:
-        self._graphs, self._tell, self._count = graphs, tell, 0
+    def __init__(self, graphs: Graphs, shaders: Shaders, tell: Tell) -> None:
+        self._graphs, self._shaders, self._tell, self._count = graphs, shaders, tell, 0
         self._arithmetic = Arithmetic(graphs)
 
     def read(self, node: Node) -> dict[str, Any]:
-        """The inputs of a surface, ND_surface or ND_surface_unlit."""
+        """The inputs of a surface: ND_surface, ND_surface_unlit, or a mixture of surface shaders."""
+        tree, opacity = self._shader(node) or (Slab(dict(BLACK_SLAB), "none"), 1.0)
+        leaves = leaves_of(tree)
+        flat = {f"{k} {name}": source for k, leaf in enumerate(leaves) for name, source in leaf.inputs.items()}
+        flat |= {f"share {k}": share for k, share in enumerate(_shares(tree))}
+        return {**flat, slabs.KEY: tree, "normal": None, "opacity": opacity}
+
+    # --- surface shaders ----------------------------------------------------------------------------------------------------
+
+    def _shader(self, node: Node | None) -> tuple[Tree, Any] | None:
+        """(BSDFs and emission, opacity) of a surface shader; None where nothing of it is drawn."""
+        if node is None or self._is_too_many():
+            return None
+        kind = node.definition
+        if kind.startswith(SURFACES):
+            return self._surface(node)
+        if kind == "ND_mix_surfaceshader":
+            below, above = (self._shader(_source_of(node.inputs.get(name))) for name in ("bg", "fg"))
+            if below is None or above is None:
+                return below or above
+            return self._mixed_shaders(below, above, self._source(node, "mix", 0.0), node)
+        if kind == "ND_dot_surfaceshader":
+            return self._shader(_source_of(node.inputs.get("in")))
+        defined = library.definition(kind)
+        if kind.startswith(JOINED) and defined is not None and defined.graph is not None:
+            return self._shader(_source_of(next(iter(library.instance(node, defined).values()), None)))
+        inputs = self._shaders(node)
+        if inputs is None:
+            return None
+        slab = {**DEFAULT_SLAB, **inputs}
+        return Slab(slab, "layers"), slab.pop("opacity", 1.0)
+
+    def _surface(self, node: Node) -> tuple[Tree, Any]:
+        """Those of ND_surface or ND_surface_unlit."""
         tree: Tree
         if node.definition.startswith("ND_surface_unlit"):
             tree, emission = Slab(dict(BLACK_SLAB), "none"), self._emitted(node, "emission_color", "emission")
@@ -67,11 +112,28 @@ class Closures:
             tree = _each(tree, lambda slab: Slab({**slab.inputs, "geometry_thin_walled": True}, slab.kind))
         if emission is not None:
             tree = _each(tree, lambda slab: Slab({**slab.inputs, "emission": emission}, slab.kind))
-        leaves = leaves_of(tree)
-        flat = {f"{k} {name}": source for k, leaf in enumerate(leaves) for name, source in leaf.inputs.items()}
-        flat |= {f"share {k}": share for k, share in enumerate(_shares(tree))}
-        normal = next((leaf.inputs["geometry_normal"] for leaf in leaves if leaf.inputs["geometry_normal"] is not None), None)
-        return {**flat, slabs.KEY: tree, "normal": normal, "opacity": self._source(node, "opacity", 1.0)}
+        return tree, self._source(node, "opacity", 1.0)
+
+    def _mixed_shaders(self, below: tuple[Tree, Any], above: tuple[Tree, Any], share: Any, node: Node) -> tuple[Tree, Any]:
+        """A mixture of surfaces, each with an opacity: of what is there, that of the second one has the share s o₂ / o."""
+        (first, low), (second, high) = below, above
+        part, values = numbers(share), [numbers(low), numbers(high)]
+        if all(value is not None and np.all(value == 1.0) for value in values):
+            return self._mixed(first, second, share) or first, 1.0
+        opacity = self._arithmetic.mix(low, high, share, node.place, color=False)
+        if part is None or values[0] is None or values[1] is None:
+            self._tell("surfaces of different opacities that a texture mixes are drawn with the mean opacity")
+            return self._mixed(first, second, share) or first, opacity
+        s, o = float(np.clip(part.mean(), 0.0, 1.0)), [float(value.mean()) for value in values if value is not None]
+        total = (1.0 - s) * o[0] + s * o[1]
+        return self._mixed(first, second, s * o[1] / total if total > 0.0 else s) or first, total
+
+    def _is_too_many(self) -> bool:
+        """Counts a node; True, with a warning, beyond the limit."""
+        self._count += 1
+        if self._count == MOST_NODES + 1:
+            self._tell(f"more than {MOST_NODES} BSDFs feed each other: the others are not drawn")
+        return self._count > MOST_NODES
 
     # --- inputs -------------------------------------------------------------------------------------------------------------
 
@@ -82,6 +144,8 @@ class Closures:
             port = defined.inputs.get(name) if defined else None
         if port is None or (port.source is None and port.value is None):
             return default
+        if default is None and port.source is not None and port.source.definition == OWN_NORMAL:
+            return None
         return port.value if port.source is None else self._graphs.source(port.source, port.output, default)
 
     def _color(self, node: Node, name: str, default: Any) -> Any:
@@ -93,15 +157,25 @@ class Closures:
         return None if is_zero(product) else product
 
     def _edf(self, port: Port | None) -> Any:
-        """The radiance of uniform_edf, through products."""
+        """The radiance of uniform_edf, through products, sums and mixtures."""
         node = port.source if port else None
-        if node is None:
+        if node is None or self._is_too_many():
             return None
         if node.definition == "ND_uniform_edf":
             return self._source(node, "color", (1.0,) * 3)
         if node.definition.startswith("ND_multiply_edf"):
             inner = self._edf(node.inputs.get("in1"))
             return None if inner is None else self._arithmetic.times(inner, self._source(node, "in2", 1.0), node.place)
+        if node.definition == "ND_generalized_schlick_edf":
+            self._tell("an emission that changes with the angle is drawn as that along the normal")
+            inner = self._edf(node.inputs.get("base"))
+            return None if inner is None else self._arithmetic.times(inner, self._source(node, "color0", (1.0,) * 3), node.place)
+        if node.definition in ("ND_add_edf", "ND_mix_edf"):
+            is_sum = node.definition == "ND_add_edf"
+            first, second = (self._edf(node.inputs.get(name)) or (0.0,) * 3 for name in (("in1", "in2") if is_sum else ("bg", "fg")))
+            if is_sum:
+                return self._arithmetic.apply("ND_add_color3", first, node.place, in1=first, in2=second)
+            return self._arithmetic.mix(first, second, self._source(node, "mix", 0.0), node.place)
         self._tell(f"the emission `{node.definition}` is not drawn")
         return None
 
@@ -133,12 +207,7 @@ class Closures:
 
     def _tree(self, port: Port | None) -> Tree | None:
         node = port.source if port else None
-        self._count += 1
-        if node is None:
-            return None
-        if self._count > MOST_NODES:
-            if self._count == MOST_NODES + 1:
-                self._tell(f"more than {MOST_NODES} BSDFs feed each other: the others are not drawn")
+        if node is None or self._is_too_many():
             return None
         kind = node.definition
         if kind == "ND_layer_bsdf":
@@ -156,7 +225,7 @@ class Closures:
 
     def _lobe(self, node: Node, kind: str) -> Tree | None:
         slab = dict(BLACK_SLAB)
-        slab["geometry_normal"] = self._source(node, "normal", None) if node.inputs.get("normal") else None
+        slab[slabs.NORMAL] = self._source(node, "normal", None) if node.inputs.get("normal") else None
         weight = self._source(node, "weight", 1.0)
         if not is_zero(thickness := self._source(node, "thinfilm_thickness", 0.0)):
             slab |= slabs.film(thickness, self._source(node, "thinfilm_ior", 1.5), self._arithmetic, node.place)
@@ -176,12 +245,15 @@ class Closures:
         if kind == "ND_conductor_bsdf":
             self._facets(node, slab, "specular_roughness", "specular_roughness_anisotropy")
             f0, tint = self._metal(node)
-            slab |= {"base_metalness": 1.0, "base_color": self._arithmetic.times(f0, weight, node.place), "specular_color": tint}
-            return Slab({**slab, "specular_weight": 1.0}, "conductor")
+            slab |= {"base_metalness": 1.0, "base_color": f0, "specular_color": tint, "specular_weight": weight}
+            return Slab(slab, "conductor")
         if kind == "ND_dielectric_bsdf":
             return self._dielectric(node, slab, self._source(node, "ior", 1.5), self._source(node, "tint", (1.0,) * 3), weight)
         if kind == "ND_generalized_schlick_bsdf":
             return self._schlick(node, slab, weight)
+        defined = library.definition(kind)
+        if defined is not None and defined.graph is not None:
+            return self._tree(next(iter(library.instance(node, defined).values()), None))
         self._tell(f"the shader `{kind}` is not drawn: the other BSDFs of its surface are")
         return None
 
@@ -209,20 +281,30 @@ class Closures:
         return Slab({**slab, "transmission_weight": weight, "transmission_color": tint}, "transmission")
 
     def _schlick(self, node: Node, slab: dict[str, Any], weight: Any) -> Slab:
-        """Reflectances at normal and grazing incidence; the exponent is 5."""
+        """Reflectances at normal and grazing incidence, and between them."""
         f0, edge = self._source(node, "color0", (1.0,) * 3), self._source(node, "color82", (1.0,) * 3)
-        f90, exponent = numbers(self._source(node, "color90", (1.0,) * 3)), numbers(self._source(node, "exponent", 5.0))
-        if exponent is None or abs(float(exponent) - 5.0) > 1e-6:
-            self._tell(f"the input `exponent` of {node.definition} is drawn as 5")
-        if f90 is None or np.abs(f90 - 1.0).max() > 1e-6:
-            self._tell(f"the input `color90` of {node.definition} is drawn as white")
-        values = numbers(f0)
+        grazing, exponent = self._source(node, "color90", (1.0,) * 3), self._source(node, "exponent", 5.0)
         if str(self._source(node, "scatter_mode", "R")) != "R":
+            values = numbers(f0)
+            if not schlick.is_plain(grazing, exponent):
+                self._tell(f"the inputs `color90` and `exponent` of {node.definition} are drawn as white and 5 where light passes")
             grey = 0.04 if values is None else float(np.clip(values.mean(), 0.0, 0.9))
             return self._dielectric(node, slab, (1.0 + math.sqrt(grey)) / (1.0 - math.sqrt(grey)), (1.0,) * 3, weight)
         self._facets(node, slab, "specular_roughness", "specular_roughness_anisotropy")
-        slab |= {"base_metalness": 1.0, "base_color": self._arithmetic.times(f0, weight, node.place), "specular_color": edge}
-        return Slab({**slab, "specular_weight": 1.0}, "schlick")
+        slab |= {"base_metalness": 1.0, "base_color": f0, "specular_color": edge, "specular_weight": weight}
+        if not schlick.is_plain(grazing, exponent):
+            fit = schlick.fitted(f0, edge, grazing, exponent)
+            if fit is None:
+                self._tell(f"the inputs `color90` and `exponent` of {node.definition} are drawn as white and 5 beside textures")
+            else:
+                slab |= {
+                    "base_color": fit.color,
+                    "specular_color": fit.tint,
+                    "specular_weight": self._arithmetic.times(weight, fit.scale, None),
+                }
+                if fit.error > schlick.VISIBLE:
+                    self._tell(f"the reflectance of {node.definition} is drawn within {fit.error:.2f}: its `exponent` or `color90`")
+        return Slab({**slab, schlick.KEY: (f0, schlick.is_plain(grazing, exponent), weight)}, "schlick")
 
     # --- combinations -------------------------------------------------------------------------------------------------------
 
@@ -252,14 +334,19 @@ class Closures:
             return Slab({**b, **{name: t[name] for name in ("fuzz_weight", "fuzz_color", "fuzz_roughness")}}, "layers")
         ior, tint, weight = t["specular_ior"], t["specular_color"], t["specular_weight"]
         if top.kind == "schlick":
-            f0 = numbers(t["base_color"])
+            color, is_plain, weight = t[schlick.KEY]
+            if not is_plain:
+                self._tell("the inputs `color90` and `exponent` of a generalized_schlick_bsdf over another BSDF are drawn as white and 5")
+            f0 = numbers(color)
             grey = 0.04 if f0 is None else float(np.clip(f0.max(), 1e-4, 0.9))
-            ior, weight = (1.0 + math.sqrt(grey)) / (1.0 - math.sqrt(grey)), 1.0
+            ior = (1.0 + math.sqrt(grey)) / (1.0 - math.sqrt(grey))
             tint = (1.0,) * 3 if f0 is None else tuple(np.broadcast_to(f0 / grey, 3).tolist())
         rough, turned = t["specular_roughness"], t["specular_roughness_anisotropy"]
         bare = is_zero(b["base_metalness"]) and is_zero(b["specular_weight"]) and "translucent" not in b
         films = {name: t[name] for name in ("thin_film_weight", "thin_film_thickness", "thin_film_ior")}
         if bare:
+            if not is_same(t[slabs.NORMAL], b[slabs.NORMAL]):
+                self._tell("a highlight whose normal is not that of the diffuse BSDF below it has that of the latter")
             changes = {**films, "specular_ior": ior, "specular_color": tint, "specular_weight": weight, "specular_roughness": rough,
                        "specular_roughness_anisotropy": turned}  # fmt: skip
         else:
@@ -267,6 +354,8 @@ class Closures:
                 self._tell("a thin film on a coat is not drawn")
             changes = {"coat_weight": weight, "coat_ior": ior, "coat_color": (1.0,) * 3, "coat_roughness": rough,
                        "coat_roughness_anisotropy": turned, "coat_darkening": 0.0}  # fmt: skip
+            if not is_same(t[slabs.NORMAL], b[slabs.NORMAL]):
+                changes[slabs.COAT_NORMAL] = slabs.SMOOTH if t[slabs.NORMAL] is None else t[slabs.NORMAL]
         return Slab({**b, **changes}, "layers")
 
     def _inside(self, tree: Tree | None, port: Port | None) -> Tree | None:
@@ -295,19 +384,54 @@ class Closures:
                 color = self._arithmetic.apply(
                     "ND_add_color3", (0.0,) * 3, node.place, in1=first.inputs["base_color"], in2=second.inputs["base_color"])  # fmt: skip
                 return Slab({**second.inputs, "base_color": color}, "diffuse")
-        self._tell("a sum of BSDFs of several kinds is drawn as an even mixture")
-        return Mixed(first, second, 0.5)
+        peaks = [max(map(_peak, leaves_of(tree))) for tree in (first, second)]
+        total = sum(peaks)
+        if total <= 0.0:
+            return first
+        if total > 1.0 + 1e-6:
+            self._tell("a sum of BSDFs of several kinds that may reflect more light than there is is drawn as their mixture")
+        grown = [
+            tree if peak <= 0.0 else _each(tree, partial(self._scaled, factor=min(total, 1.0) / peak, node=node))
+            for tree, peak in zip((first, second), peaks, strict=True)
+        ]
+        return self._mixed(grown[0], grown[1], peaks[1] / total)
 
     def _scaled(self, slab: Slab, factor: Any, node: Node) -> Slab:
-        """A slab that reflects less: colours times a factor, weights times its mean."""
+        """A slab that reflects more or less: colours times a factor, weights times its mean."""
         values = numbers(factor)
         grey = factor if values is None else float(values.mean())
-        inputs = dict(slab.inputs)
-        inputs["base_color"] = self._arithmetic.times(inputs["base_color"], factor, node.place)
-        for name in ("specular_weight", "fuzz_weight", "transmission_weight", "subsurface_weight"):
-            if not is_zero(inputs[name]) and not (name == "specular_weight" and not is_zero(inputs["base_metalness"])):
+        inputs, is_grey = dict(slab.inputs), values is not None and float(np.ptp(values)) == 0.0
+        is_metal = not is_zero(inputs["base_metalness"])
+        for name in ("base_color", "translucent"):
+            if name in inputs and not (is_metal and is_grey):
+                inputs[name] = self._arithmetic.times(inputs[name], factor, node.place)
+        for name in _WEIGHTS:
+            if not is_zero(inputs[name]) and not (name == "specular_weight" and is_metal and not is_grey):
                 inputs[name] = self._arithmetic.times(inputs[name], grey, node.place)
+        if schlick.KEY in inputs:
+            color, is_plain, weight = inputs[schlick.KEY]
+            inputs[schlick.KEY] = (color, is_plain, self._arithmetic.times(weight, grey, node.place))
         return Slab(inputs, slab.kind)
+
+
+def _peak(slab: Slab) -> float:
+    """The greatest of the numbers of a slab that `_scaled` multiplies, 1 for textures: what it may grow by is 1 over it."""
+    inputs, is_metal = slab.inputs, not is_zero(slab.inputs["base_metalness"])
+    names = [*_WEIGHTS]
+    names += [] if is_metal else ["base_color", *(name for name in ("translucent",) if name in inputs)]
+    values = [numbers(inputs[name]) for name in names]
+    return max(1.0 if value is None else float(value.max()) for value in values)
+
+
+def is_same(first: Any, second: Any) -> bool:
+    """Whether two sources are one."""
+    if isinstance(first, Graph) and isinstance(second, Graph):
+        return first.node is second.node and (first.output, first.gain, first.bias) == (second.output, second.gain, second.bias)
+    return first is second or (type(first) is type(second) and not isinstance(first, Graph) and bool(np.all(first == second)))
+
+
+def _source_of(port: Port | None) -> Node | None:
+    return port.source if port else None
 
 
 def _each(tree: Tree, change: Callable[[Slab], Slab]) -> Tree:

@@ -9,8 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from pxr import UsdShade
 
+from ....texture_graph import evaluate
 from ....texture_graph.graph_builder import TooLarge
 from ...materialx import elementary, library, patterns, physical, pictures
 from ...materialx.evaluator import Evaluator, NotDrawn
@@ -19,6 +21,7 @@ from .network import Graph
 
 Tell = Callable[[str, Any], None]
 HANDLER_MODULES = (elementary, patterns, physical, pictures)  # importing them registers their nodes
+OWN_NORMAL = "ND_normal_vector3"  # as the source of a normal it changes nothing
 _BENT = ("normalmap", "bump", "heighttonormal", "hextilednormalmap")
 
 
@@ -28,6 +31,9 @@ class Trial:
 
     tell: Tell
     varnames: dict[str, None] = field(default_factory=dict)
+    primvars: dict[str, str] = field(default_factory=dict)  # types
+    values: dict[str, Sequence[float]] = field(default_factory=dict)  # of primvars
+    in_world: bool = False
     pictures: int = 0
 
     def picture(self, node: Node, file: Port, wraps: tuple[str, str], nearest: bool) -> tuple[int, Any] | None:
@@ -39,7 +45,20 @@ class Trial:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
     def primvar(self, name: str, kind: str, default: Sequence[float], place: Any) -> Sequence[float]:
-        return default
+        self.primvars[name] = kind
+        return self.values.get(name, default)
+
+    def is_u(self, name: str) -> bool:
+        return False
+
+    def world(self) -> np.ndarray | None:
+        self.in_world = True
+        return np.eye(4)
+
+    def graph(self, node: Node, output: str, kind: str, factor: str | None = None) -> Graph:
+        """The graph that was read."""
+        of_one = tuple(name for name, type_ in self.primvars.items() if type_ == "float")
+        return Graph(node, output, kind, tuple(self.varnames), tuple(self.primvars), of_one, factor, self.in_world)
 
 
 @dataclass(slots=True)
@@ -65,7 +84,7 @@ class Graphs:
             self.tell(f"the shader `{node.definition}` is not drawn: the input it feeds takes its default", node.place)
             return fallback
         if library.category(node) in _BENT:
-            return Graph(node, output, "vector3", tuple(self._varnames(node)))
+            return self._of_normals(node).graph(node, output, "vector3")
         trial = Trial(self.tell)
         evaluator = Evaluator(trial)
         try:
@@ -75,12 +94,29 @@ class Graphs:
             self.tell(f"{reason}: the input it feeds takes its default", node.place)
             return fallback
         numbers = [evaluator.builder.number(name) for name in names]
-        if None not in numbers:
+        if None not in numbers and not trial.primvars and not trial.in_world:
             return numbers[0] if len(numbers) == 1 else tuple(numbers)
-        return Graph(node, output, evaluator.kind(node, output), tuple(trial.varnames))
+        colors = [name for name, kind in trial.primvars.items() if kind == "color3"]
+        factor = next((name for name in colors if len(names) == 3 and self._is_multiple(node, output, name)), None)
+        return trial.graph(node, output, evaluator.kind(node, output), factor)
 
-    def _varnames(self, node: Node) -> tuple[str, ...]:
-        """The primvars that a node for normals reads."""
+    def _is_multiple(self, node: Node, output: str, name: str) -> bool:
+        """Whether each channel of a colour is that of a primvar times a number of the rest of the graph: tried at random points."""
+        rng = np.random.default_rng(1)
+        points = np.concatenate([rng.uniform(-2.0, 2.0, (3, 32)), rng.uniform(0.0, 1.0, (2, 32)), rng.normal(size=(3, 32))])
+        points[5:] /= np.linalg.norm(points[5:], axis=0)
+        white: np.ndarray | None = None
+        for color in (np.ones(3), np.array([0.3, 0.7, 0.9]), np.array([0.05, 1.6, 0.4])):
+            evaluator = Evaluator(Trial(lambda message, place: None, values={name: color.tolist()}))
+            tape = evaluator.builder.finish(*evaluator.node(node, output)[:3])
+            drawn = np.array(evaluate.results(tape, list(points), _picture))
+            white = drawn if white is None else white
+            if not np.allclose(drawn, white * color[:, None], rtol=1e-9, atol=1e-12):
+                return False
+        return True
+
+    def _of_normals(self, node: Node) -> Trial:
+        """What a node for normals reads."""
         trial = Trial(self.tell)
         evaluator = Evaluator(trial)
         for name in ("in", "height"):
@@ -88,7 +124,7 @@ class Graphs:
                 evaluator.input(node, name)
             except (NotDrawn, TooLarge):
                 continue
-        return tuple(trial.varnames)
+        return trial
 
     def node(self, shader: Any) -> Node:
         """The node of a shader, with those that feed it."""
@@ -111,6 +147,11 @@ class Graphs:
             if value is not None:
                 return Port(kind, _plain(self.linear(attribute, value), kind), space=str(attribute.GetColorSpace() or ""))
         return None
+
+
+def _picture(texture: int, s: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
+    """Four channels that change with s and t, in place of a picture."""
+    return [0.5 + 0.5 * np.sin(40.0 * s + 7.0 * k + 23.0 * t * t) for k in range(4)]
 
 
 _TYPES = {

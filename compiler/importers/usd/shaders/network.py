@@ -9,7 +9,11 @@ import numpy as np
 
 from ...materialx.graph import Node
 
-_SHARES = ("opacity", "roughness", "metallic", "clearcoat", "clearcoatRoughness", "occlusion")
+_SHARES = (
+    "opacity", "roughness", "metallic", "clearcoat", "clearcoatRoughness", "occlusion", "base_metalness", "base_diffuse_roughness",
+    "specular_weight", "specular_roughness", "coat_weight", "coat_roughness", "fuzz_weight", "fuzz_roughness", "transmission_weight",
+    "subsurface_weight", "thin_film_weight",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +66,11 @@ class Graph:
     output: str
     kind: str  # type of its values
     varnames: tuple[str, ...] = ()  # primvars of texture coordinates that it reads
+    primvars: tuple[str, ...] = ()  # other primvars
+    numbers: tuple[str, ...] = ()  # those of one number
+    factor: str | None = None  # a primvar of colours of which the values are a multiple
+    in_world: bool = False  # reads places or directions in the frame of the world
+    of_white: bool = False  # with 1 in place of the factor
     gain: float = 1.0
     bias: float = 0.0
     strength: float = 1.0  # of a normal map
@@ -95,7 +104,18 @@ class Network:
     def numbers(self) -> tuple[str, ...]:
         """The primvars of its numbers from 0 to 1."""
         sources = (self.inputs.get(name) for name in _SHARES)
-        return tuple(source.name for source in sources if isinstance(source, Primvar))
+        of_graphs = [name for source in self.inputs.values() if isinstance(source, Graph) for name in source.numbers]
+        return tuple(dict.fromkeys([source.name for source in sources if isinstance(source, Primvar)] + of_graphs))
+
+    @property
+    def primvars(self) -> tuple[str, ...]:
+        """The primvars that its graphs read beside texture coordinates."""
+        return tuple({name: None for source in self.inputs.values() if isinstance(source, Graph) for name in source.primvars})
+
+    @property
+    def in_world(self) -> bool:
+        """Whether a graph reads places or directions in the frame of the world."""
+        return any(isinstance(source, Graph) and source.in_world for source in self.inputs.values())
 
     @property
     def displaced(self) -> bool:
@@ -104,6 +124,18 @@ class Network:
 
     @property
     def color_name(self) -> str | None:
-        """The primvar of the diffuse colour."""
-        source = self.inputs.get("diffuseColor")
+        """The primvar of the diffuse colour, or that of which it is a multiple."""
+        source = self.base
+        if isinstance(source, Graph):
+            return source.factor if source.bias == 0.0 else None
         return source.name if isinstance(source, Primvar) else None
+
+    @property
+    def base(self) -> Any:
+        """The source of the diffuse colour; None where there are several."""
+        return self.inputs.get("diffuseColor", self.inputs.get("base_color"))
+
+    @property
+    def white(self) -> Any:
+        """The diffuse colour of a mesh whose own colours multiply it."""
+        return replace(self.base, of_white=True) if isinstance(self.base, Graph) else (1.0, 1.0, 1.0)

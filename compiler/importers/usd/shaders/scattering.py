@@ -10,7 +10,7 @@ with the rest of its surface by the weight, less the metallic part.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -38,6 +38,9 @@ def radius(radius: Any, scale: Any) -> Color:
 
 def is_plain(shader: Any) -> bool:
     """Whether the BSDFs below ND_surface are those of this module: diffuse ones, sheets, bodies, and highlights of constant weights."""
+    edf = shader.GetInput("edf")
+    if edf and edf.HasConnectedSource():
+        return False
     waiting, seen = [(shader, "bsdf")], 0
     while waiting and seen < MOST_NODES:
         node, name = waiting.pop()
@@ -51,7 +54,9 @@ def is_plain(shader: Any) -> bool:
             else:
                 weights = [below.GetInput(end) for end in ("weight", "roughness", "tint", "normal", "thinfilm_thickness")]
                 mode = below.GetInput("scatter_mode")
-                if kind in _OTHERS or (mode and mode.Get() not in (None, "R")):
+                if kind not in _LOBES or (mode and mode.Get() not in (None, "R")):
+                    return False
+                if any(_differs(below.GetInput(name), plain) for name, plain in _LOBES[kind].items()):
                     return False
             if any(weight and weight.HasConnectedSource() for weight in weights):
                 return False
@@ -60,7 +65,16 @@ def is_plain(shader: Any) -> bool:
 
 _JOINS = {"ND_layer_bsdf": ("top", "base"), "ND_add_bsdf": ("in1", "in2"), "ND_mix_bsdf": ("fg", "bg"), "ND_multiply_bsdfF": ("in1",),
           "ND_multiply_bsdfC": ("in1",)}  # fmt: skip
-_OTHERS = ("ND_conductor_bsdf", "ND_generalized_schlick_bsdf", "ND_sheen_bsdf", "ND_layer_vdf")  # closures.py reads them
+_LOBES: Mapping[str, Mapping[str, Any]] = {  # BSDFs, and the values of inputs that `Graph` does not read; closures.py reads others
+    "ND_oren_nayar_diffuse_bsdf": {"roughness": 0.0}, "ND_burley_diffuse_bsdf": {}, "ND_translucent_bsdf": {},
+    "ND_subsurface_bsdf": {}, "ND_dielectric_bsdf": {"tint": 1.0, "thinfilm_thickness": 0.0, "weight": 1.0},
+}  # fmt: skip
+
+
+def _differs(shader_input: Any, plain: float) -> bool:
+    """Whether an input has another value."""
+    value = shader_input.Get() if shader_input else None
+    return value is not None and bool(np.any(np.array(value, np.float64) != plain))
 
 
 class Graph:
@@ -77,8 +91,6 @@ class Graph:
         self.inputs = {"diffuseColor": black, "ior": 1.0, "roughness": 1.0, "opacityMode": "presence"}
         self.inputs["opacity"] = self._source(shader.GetInput("opacity"), 1.0)
         self._node(shader, "bsdf", 1.0)
-        if shader.GetInput("edf") and shader.GetInput("edf").HasConnectedSource():
-            self._tell("the emission of ND_surface is not drawn")
         return self.inputs
 
     def _node(self, shader: Any, name: str, factor: float) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,95 +23,36 @@ from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, Medi
 from ...materialx.physical import NARROWEST
 from . import directions
 from .arithmetic import Arithmetic, is_zero, numbers
+from .shader_inputs import DEFAULTS, DEPENDENT, EXTRA, GLTF, MORE_THAN_PRINCIPLED, OPEN, PARTS, PREVIEW, SHADERS, THIN
 
 Slot = ir.Slot
 Tell = Callable[[str], None]
-KEY = "slabs"  # of Network.inputs: a surface of slabs
-_THIN, _COAT = "geometry_thin_walled", "geometry_coat_normal"
+KEY, NORMAL = "slabs", "normal"  # of Network.inputs: a surface of slabs; its normal
+_COAT = "geometry_coat_normal"
 _OPAQUE = {"transmission_weight": 0.0, "subsurface_weight": 0.0}
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
-DEFAULTS: Mapping[str, Any] = {
-    **{name: default for name, (_, default, _, _) in openpbr.NUMBERS.items()},
-    **{name: (grey,) * 3 for name, (_, grey, _) in openpbr.COLORS.items()},
-    "emission_luminance": 0.0, "emission_color": (1.0,) * 3, "geometry_opacity": 1.0, "geometry_normal": None, "geometry_coat_normal": None,
-    _THIN: False,
-    "transmission_depth": 0.0, "transmission_scatter": (0.0,) * 3, "transmission_scatter_anisotropy": 0.0,
-    "subsurface_radius": 1.0, "subsurface_radius_scale": (1.0, 0.5, 0.25),
-    "subsurface_scatter_anisotropy": 0.0, "transmission_dispersion_scale": 0.0, "transmission_dispersion_abbe_number": 20.0,
-}  # fmt: skip
-_STANDARD = {  # names and defaults of standard_surface
-    "base_weight": ("base", 1.0), "base_color": ("base_color", (0.8,) * 3), "base_diffuse_roughness": ("diffuse_roughness", 0.0),
-    "base_metalness": ("metalness", 0.0), "specular_weight": ("specular", 1.0), "specular_color": ("specular_color", (1.0,) * 3),
-    "specular_roughness": ("specular_roughness", 0.2), "specular_ior": ("specular_IOR", 1.5),
-    "specular_roughness_anisotropy": ("specular_anisotropy", 0.0), "specular_rotation": ("specular_rotation", 0.0),
-    "coat_weight": ("coat", 0.0), "coat_color": ("coat_color", (1.0,) * 3), "coat_roughness": ("coat_roughness", 0.1),
-    "coat_roughness_anisotropy": ("coat_anisotropy", 0.0), "coat_rotation": ("coat_rotation", 0.0), "coat_ior": ("coat_IOR", 1.5),
-    "coat_darkening": ("coat_affect_color", 0.0), "fuzz_weight": ("sheen", 0.0), "fuzz_color": ("sheen_color", (1.0,) * 3),
-    "fuzz_roughness": ("sheen_roughness", 0.3), "emission_luminance": ("emission", 0.0), "emission_color": ("emission_color", (1.0,) * 3),
-    "geometry_opacity": ("opacity", (1.0,) * 3), "geometry_normal": ("normal", None), "geometry_coat_normal": ("coat_normal", None),
-    _THIN: ("thin_walled", False),
-    "transmission_weight": ("transmission", 0.0), "transmission_color": ("transmission_color", (1.0,) * 3),
-    "transmission_depth": ("transmission_depth", 0.0), "transmission_scatter": ("transmission_scatter", (0.0,) * 3),
-    "transmission_scatter_anisotropy": ("transmission_scatter_anisotropy", 0.0), "subsurface_weight": ("subsurface", 0.0),
-    "subsurface_color": ("subsurface_color", (1.0,) * 3), "subsurface_radius": ("subsurface_scale", 1.0),
-    "subsurface_radius_scale": ("subsurface_radius", (1.0,) * 3), "subsurface_scatter_anisotropy": ("subsurface_anisotropy", 0.0),
-    "thin_film_thickness": ("thin_film_thickness", 0.0), "thin_film_ior": ("thin_film_IOR", 1.5),
-    "transmission_dispersion_abbe_number": ("transmission_dispersion", 0.0),
-}  # fmt: skip
-_DISNEY = {
-    "base_color": ("baseColor", (0.16,) * 3), "base_metalness": ("metallic", 0.0), "specular_roughness": ("roughness", 0.5),
-    "specular_roughness_anisotropy": ("anisotropic", 0.0), "fuzz_weight": ("sheen", 0.0), "coat_weight": ("clearcoat", 0.0),
-    "transmission_weight": ("specTrans", 0.0), "subsurface_weight": ("subsurface", 0.0),
-    "subsurface_radius_scale": ("subsurfaceDistance", (1.0,) * 3),
-}  # fmt: skip
-_GLTF = {
-    "base_color": ("base_color", (1.0,) * 3), "base_metalness": ("metallic", 1.0), "specular_roughness": ("roughness", 1.0),
-    "specular_weight": ("specular", 1.0), "specular_color": ("specular_color", (1.0,) * 3), "specular_ior": ("ior", 1.5),
-    "specular_roughness_anisotropy": ("anisotropy_strength", 0.0), "specular_rotation": ("anisotropy_rotation", 0.0),
-    "coat_weight": ("clearcoat", 0.0), "coat_roughness": ("clearcoat_roughness", 0.0), "fuzz_color": ("sheen_color", (0.0,) * 3),
-    "fuzz_roughness": ("sheen_roughness", 0.0), "emission_color": ("emissive", (0.0,) * 3),
-    "emission_luminance": ("emissive_strength", 1.0), "geometry_normal": ("normal", None), "transmission_weight": ("transmission", 0.0),
-    "geometry_coat_normal": ("clearcoat_normal", None),
-    "transmission_color": ("attenuation_color", (1.0,) * 3), "transmission_depth": ("attenuation_distance", 0.0),
-    "transmission_dispersion_scale": ("dispersion", 0.0), "thin_film_weight": ("iridescence", 0.0),
-    "thin_film_thickness": ("iridescence_thickness", 100.0), "thin_film_ior": ("iridescence_ior", 1.3),
-}  # fmt: skip
-_MORE_THAN_PRINCIPLED = ("transmission", "iridescence", "anisotropy_strength", "specular", "specular_color")
-_OPEN = {name: (name, default) for name, default in DEFAULTS.items() if name not in ("specular_rotation", "coat_rotation")}
-_DEPENDENT = {  # inputs that do nothing while another one is 0
-    "thin_film": "thin_film_thickness thin_film_weight", "coat": "coat coat_weight", "transmission": "transmission transmission_weight",
-    "subsurface": "subsurface subsurface_weight",
-}  # fmt: skip
-SHADERS: Mapping[str, Mapping[str, tuple[str, Any]]] = {
-    "ND_standard_surface_surfaceshader": _STANDARD, "ND_standard_surface_surfaceshader_100": {
-        **_STANDARD, "base_weight": ("base", 0.8), "base_color": ("base_color", (1.0,) * 3)},
-    "arnold:standard_surface": _STANDARD, "ND_open_pbr_surface_surfaceshader": _OPEN, "ND_disney_principled": _DISNEY,
-    "ND_gltf_pbr_surfaceshader": _GLTF,
-}  # fmt: skip
 
-_EXTRA = {
-    "ND_disney_principled": {"specular", "ior", "specularTint", "sheenTint", "clearcoatGloss"},
-    "ND_gltf_pbr_surfaceshader": {"alpha", "alpha_mode", "alpha_cutoff", "thickness", "occlusion"},
-}
 
 def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmetic: Arithmetic, tell: Tell) -> dict[str, Any]:
     """The inputs of OpenPBR that a surface shader gives. A warning names every other authored input."""
-    names, place = SHADERS[kind], shader.GetPrim()
+    names, place = PARTS[kind], shader.GetPrim()
     inputs = dict(DEFAULTS)
     inputs |= {name: source(shader.GetInput(written), default) for name, (written, default) in names.items() if name != _COAT}
     inputs["base_color"] = arithmetic.times(inputs["base_color"], inputs.pop("base_weight"), place)
     inputs["base_weight"] = 1.0
     if kind == "ND_disney_principled":
         _disney(shader, inputs, source, arithmetic)
-    elif names is _GLTF:
+    elif names is GLTF:
         _gltf(shader, inputs, source, arithmetic)
-    elif names is not _OPEN:
+    elif names is PREVIEW:
+        inputs |= {"emission_luminance": 1.0, "coat_ior": 1.5, "coat_darkening": 0.0}
+    elif names is not OPEN:
         _standard(inputs, arithmetic, place)
     else:
         turns = {name: directions.turn(shader.GetInput(target)) for name, target in directions.TURNED.items()}
         inputs |= {name: turn for name, turn in turns.items() if turn is not None}
-    used = {written for written, _ in names.values()} | _EXTRA.get(kind, set())
+    used = {written for written, _ in names.values()} | EXTRA.get(kind, set())
     for shader_input in shader.GetInputs():
         name = str(shader_input.GetBaseName())
         if name not in used and not _without_effect(shader, name, shader_input, source):
@@ -119,7 +60,7 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
     if not is_zero(inputs["emission_luminance"]):
         inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
     inputs |= {COAT_NORMAL: _coat_normal(shader, names, inputs, source)}
-    inputs |= {KEY: True, "normal": inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
+    inputs |= {KEY: True, NORMAL: inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
     return inputs
 
 
@@ -136,7 +77,7 @@ def _coat_normal(shader: Any, names: Mapping[str, tuple[str, Any]], inputs: dict
 
 
 COAT_NORMAL, SMOOTH, SMOOTH_COAT = "coat normal", "smooth", openpbr.SMOOTH_COAT  # of Network.inputs; a source of it; its input
-GLTF_NAMES = {name for name, _ in _GLTF.values()} | _EXTRA["ND_gltf_pbr_surfaceshader"] | {"tangent", "clearcoat_normal"}
+GLTF_NAMES = {name for name, _ in GLTF.values()} | EXTRA["ND_gltf_pbr_surfaceshader"] | {"tangent", "clearcoat_normal"}
 
 
 def needs(shader: Any, kind: str, source: Callable[[Any, Any], Any]) -> bool:
@@ -146,7 +87,7 @@ def needs(shader: Any, kind: str, source: Callable[[Any, Any], Any]) -> bool:
     normals = (source(shader.GetInput(name), None) for name in ("normal", "clearcoat_normal"))
     if not is_zero(source(shader.GetInput("clearcoat"), 0.0)) and any(normal is not None for normal in normals):
         return True
-    for name in _MORE_THAN_PRINCIPLED:
+    for name in MORE_THAN_PRINCIPLED:
         plain = 1.0 if name.startswith("specular") else 0.0
         value = numbers(source(shader.GetInput(name), plain))
         if value is None or (value != plain).any():
@@ -173,7 +114,7 @@ def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[
     if name in _DIRECTIONS:
         return not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input) or directions.turn(shader_input) is not None
     value = numbers(source(shader_input, None))
-    for part, weights in _DEPENDENT.items():
+    for part, weights in DEPENDENT.items():
         if name.startswith(part):
             written = [shader.GetInput(weight) for weight in weights.split()]
             if not any(each and not is_zero(source(each, 0.0)) for each in written):
@@ -251,7 +192,7 @@ def _gltf(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], Any]
         inputs["fuzz_color"] = tuple((fuzz / fuzz.max()).tolist())
     inputs |= {"coat_ior": 1.5, "coat_darkening": 0.0}
     if is_zero(source(shader.GetInput("thickness"), 0.0)):
-        inputs |= {_THIN: True, "transmission_depth": 0.0, "transmission_color": inputs["base_color"]}
+        inputs |= {THIN: True, "transmission_depth": 0.0, "transmission_color": inputs["base_color"]}
     elif is_zero(inputs["transmission_depth"]):
         inputs["transmission_color"] = inputs["base_color"]
     inputs["geometry_opacity"], inputs["opacityThreshold"] = coverage(shader, source)
@@ -287,6 +228,10 @@ class Reader(Protocol):
 
     def constant(self, source: Any, fallback: float) -> float: ...
 
+    def maps(self, inputs: Mapping[str, Any]) -> Mapping[ir.Slot, Input]:
+        """The normal maps and heights of a surface, and the normal of its coat."""
+        ...
+
 
 @dataclass(slots=True)
 class Rows:
@@ -297,7 +242,7 @@ class Rows:
     name: str
     span: Span
     metres: float
-    maps: dict[ir.Slot, Input] = field(default_factory=dict)  # of normals and heights
+    maps: Mapping[ir.Slot, Input] = field(default_factory=dict)  # of normals and heights
     place: Any = None
     tell: Tell = lambda message: None
 
@@ -311,19 +256,20 @@ class Rows:
         """The surface of a graph of BSDFs (closures.Tree)."""
         if hasattr(tree, "share"):
             return self._blend(self._tree(tree.first), self._tree(tree.second), tree.share)
+        leaf = replace(self, maps=self.reader.maps(tree.inputs))
         if "translucent" in tree.inputs:
             black = Input(BLACK)
             sheet = {Slot.AMBIENT: black, Slot.DIFFUSE: black}
             sheet[Slot.DIFFUSE_TRANSMISSION] = self.reader.color(tree.inputs["translucent"], WHITE)
-            return MaterialData(ir.MaterialModel.TRANSLUCENT, sheet | self.maps, name=self.name)
-        return self._surface(tree.inputs)
+            return MaterialData(ir.MaterialModel.TRANSLUCENT, {**sheet, **leaf.maps}, name=self.name)
+        return leaf._surface(tree.inputs)
 
     def _surface(self, inputs: Mapping[str, Any]) -> MaterialData:
         """Slabs, and what fills the shape: glass, or a body that scatters light.
 
         Glass with dispersion is a material of its own, and so is a body whose colour has a texture.
         """
-        solid = not inputs[_THIN]
+        solid = not inputs[THIN]
         clear, spread = (not is_zero(inputs[name]) and solid for name in ("transmission_weight", "subsurface_weight"))
         if clear and self._dispersion(inputs) > 0.0:
             return self._blend(self._slabs({**inputs, **_OPAQUE}), self._glass(inputs), self._of_dielectric(inputs, "transmission_weight"))
@@ -346,21 +292,20 @@ class Rows:
 
     def _slabs(self, inputs: Mapping[str, Any], medium: int = -1) -> MaterialData:
         slots = {
-            slot: self._share(self.reader.number(inputs[name], default), most)
-            for name, (slot, default, most, _) in openpbr.NUMBERS.items()
+            slot: self._share(self.reader.number(inputs[name], default), most) for name, (slot, default, most, _) in openpbr.NUMBERS.items()
         }
         slots |= {slot: self.reader.color(inputs[name], (grey, grey, grey)) for name, (slot, grey, _) in openpbr.COLORS.items()}
         if max(slots[Slot.SPECULAR].value) > 1.0:
             self.tell("a specular colour above 1 counts as 1")
         if "emission" in inputs:
             slots[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
-        if inputs[_THIN]:
+        if inputs[THIN]:
             slots[Slot.THIN_WALLED] = Input.number(1.0)
             anisotropy = self.reader.constant(inputs["subsurface_scatter_anisotropy"], 0.0)
             slots[Slot.SUBSURFACE_ANISOTROPY] = Input.number(min(max(anisotropy, -1.0), 1.0))
         elif self._depth(inputs) > 0.0:
             slots[Slot.TRANSMISSION_COLOR] = Input(WHITE)
-        return openpbr.simplified(openpbr.data(slots | self.maps, name=self.name, medium=medium))
+        return openpbr.simplified(openpbr.data({**slots, **self.maps}, name=self.name, medium=medium))
 
     def _depth(self, inputs: Mapping[str, Any]) -> float:
         return self.reader.constant(inputs["transmission_depth"], 0.0) * self.metres
@@ -416,13 +361,13 @@ class Rows:
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0), Slot.PRIORITY: Input.number(0.0),
             Slot.DISPERSION: Input.number(self._dispersion(inputs)),
         }  # fmt: skip
-        return MaterialData(ir.MaterialModel.GLASS, slots | self.maps, name=self.name)
+        return MaterialData(ir.MaterialModel.GLASS, {**slots, **self.maps}, name=self.name)
 
     def _dispersion(self, inputs: Mapping[str, Any]) -> float:
         """20 over the Abbe number, by the scale; 0 of thin walls, which bend no light."""
         scale = self.reader.constant(inputs["transmission_dispersion_scale"], 0.0)
         abbe = self.reader.constant(inputs["transmission_dispersion_abbe_number"], 20.0)
-        return KHRONOS / abbe * max(scale, 0.0) if abbe > 0.0 and not inputs[_THIN] else 0.0
+        return KHRONOS / abbe * max(scale, 0.0) if abbe > 0.0 and not inputs[THIN] else 0.0
 
     def _body(self, inputs: Mapping[str, Any], color: Input) -> MaterialData:
         """A body whose colour has a texture."""
@@ -432,7 +377,7 @@ class Rows:
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
         }  # fmt: skip
         medium = self._medium(inputs, color.value)
-        return MaterialData(ir.MaterialModel.SUBSURFACE, slots | self.maps, name=self.name, medium=medium)
+        return MaterialData(ir.MaterialModel.SUBSURFACE, {**slots, **self.maps}, name=self.name, medium=medium)
 
     def _lengths(self, inputs: Mapping[str, Any]) -> Color:
         parts = []
@@ -443,4 +388,3 @@ class Rows:
                 values = np.array(DEFAULTS[name], np.float64)
             parts.append(np.broadcast_to(values, 3))
         return as_color(max(length, 1e-9) for length in (parts[0] * parts[1] * self.metres).tolist())
-

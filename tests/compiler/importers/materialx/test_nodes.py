@@ -36,6 +36,12 @@ class Host:
     def primvar(self, name, kind, default, place):
         return default
 
+    def is_u(self, name):
+        return False
+
+    def world(self):
+        return None
+
     def tell(self, message, place):
         self.messages.append(message)
 

@@ -1,0 +1,170 @@
+"""Mixtures of surface shaders, sums of BSDFs and reflectances by generalized_schlick_bsdf, as MaterialX defines them."""
+
+import numpy as np
+import pytest
+from maquette.compiler import ir
+from maquette.compiler.importers.usd.shaders import schlick
+
+from .stages import slot
+from .test_closures import CONDUCTOR, joined, surface
+from .test_materialx import drawn
+from .test_scattering import DIFFUSE, bsdf, model_of
+
+TRANSLUCENT = bsdf("t", "ND_translucent_bsdf", "color3f inputs:color = (0.2, 0.3, 0.1)")
+
+
+def shader(name, kind, inputs):
+    return f'def Shader "{name}" {{ uniform token info:id = "{kind}"\n{inputs}\ntoken outputs:out }}\n'
+
+
+def mixed(tmp_path, nodes, share="float inputs:mix = 0.25", kind="ND_mix_surfaceshader"):
+    ends = "token inputs:bg.connect = </m/p.outputs:out>\ntoken inputs:fg.connect = </m/q.outputs:out>"
+    return drawn(tmp_path, f"{ends}\n{share}", kind, nodes)
+
+
+def parts(scene):
+    """The materials of a blend: model, and values (slots, 3)."""
+    m, row = scene.tables.materials, int(scene.tables.instances.material[0])
+    assert m.model[row] == ir.MaterialModel.BLEND
+    return m.values[row, ir.Slot.WEIGHT, 0], [m.values[int(part)] for part in (m.first[row], m.second[row])]
+
+
+def test_a_mixture_of_surface_shaders_is_a_blend(tmp_path):
+    nodes = shader("p", "ND_standard_surface_surfaceshader", "float inputs:base = 0.5\ncolor3f inputs:base_color = (0.8, 0.4, 0.2)")
+    nodes += shader("q", "ND_open_pbr_surface_surfaceshader", "float inputs:base_metalness = 1\nfloat inputs:specular_roughness = 0.6")
+    scene, messages = mixed(tmp_path, nodes)
+    weight, (below, above) = parts(scene)
+    assert (messages, weight) == ([], pytest.approx(0.25))
+    assert below[ir.Slot.DIFFUSE] == pytest.approx([0.4, 0.2, 0.1])
+    assert (above[ir.Slot.METALLIC, 0], above[ir.Slot.ROUGHNESS, 0]) == pytest.approx((1.0, 0.6))
+
+
+def test_a_mixture_has_the_normal_map_of_each_surface(tmp_path):
+    nodes = shader("p", "ND_UsdPreviewSurface_surfaceshader", "color3f inputs:diffuseColor = (1, 0, 0)\nfloat inputs:metallic = 0.5")
+    nodes += shader("q", "ND_standard_surface_surfaceshader", "float3 inputs:normal.connect = </m/n.outputs:out>")
+    nodes += """def Shader "n" { uniform token info:id = "ND_normalmap_float"
+        float3 inputs:in.connect = </m/r.outputs:out>
+        float3 outputs:out }
+    def Shader "r" { uniform token info:id = "ND_ramplr_vector3"
+        float3 inputs:valuel = (0.5, 0.5, 1)
+        float3 inputs:valuer = (0.8, 0.5, 0.8)
+        float3 outputs:out }"""
+    scene, messages = mixed(tmp_path, nodes)
+    m, row = scene.tables.materials, int(scene.tables.instances.material[0])
+    maps = m.textures[[m.first[row], m.second[row]], ir.Slot.NORMAL]
+    assert (messages, maps[0] < 0, maps[1] >= 0) == ([], True, True)
+    assert m.values[m.first[row], ir.Slot.METALLIC, 0] == pytest.approx(0.5)
+
+
+def test_opacities_of_a_mixture_count_by_their_shares(tmp_path):
+    """Of 0.75 · 1 and 0.25 · 0.2, together 0.8, the second surface has 1/16."""
+    nodes = shader("p", "ND_standard_surface_surfaceshader", "")
+    nodes += shader("q", "ND_standard_surface_surfaceshader", "color3f inputs:opacity = (0.2, 0.2, 0.2)\nfloat inputs:base = 0.1")
+    scene, messages = mixed(tmp_path, nodes)
+    assert (messages, slot(scene, "OPACITY")[0]) == ([], pytest.approx(0.8))
+    m = scene.tables.materials
+    weights = m.values[m.model == ir.MaterialModel.BLEND][:, ir.Slot.WEIGHT, 0]
+    assert np.isclose(weights, 1 / 16).any()
+
+
+def test_emission_of_each_surface_of_a_mixture_stays(tmp_path):
+    nodes = shader("p", "ND_surface_unlit", "color3f inputs:emission_color = (1, 2, 3)")
+    nodes += shader("q", "ND_standard_surface_surfaceshader", "float inputs:emission = 2")
+    scene, messages = mixed(tmp_path, nodes, "float inputs:mix = 0.5")
+    _, (below, above) = parts(scene)
+    assert (messages, below[ir.Slot.EMISSION].tolist(), above[ir.Slot.EMISSION].tolist()) == ([], [1, 2, 3], [2, 2, 2])
+
+
+@pytest.mark.parametrize("other", ["", shader("q", "ND_wonder_surfaceshader", "")])
+def test_a_mixture_with_a_surface_that_is_not_drawn_shows_the_other_one(tmp_path, other):
+    nodes = shader("p", "ND_standard_surface_surfaceshader", "float inputs:base = 0.5")
+    scene, messages = mixed(tmp_path, nodes + other)
+    assert slot(scene, "DIFFUSE") == pytest.approx([0.4] * 3)
+    told = "the surface shader `ND_wonder_surfaceshader` is not drawn: the others of its mixture are"
+    assert [message.partition("warning: ")[2] for message in messages] == [told] * bool(other)
+
+
+def test_a_mixture_of_itself_is_told(tmp_path):
+    _, messages = mixed(tmp_path, shader("p", "ND_dot_surfaceshader", "token inputs:in.connect = </m/s.outputs:out>"))
+    assert any("feed each other" in message for message in messages)
+
+
+def test_a_number_as_a_surface_is_unlit(tmp_path):
+    """ND_convert_color3_surfaceshader, by its graph in MaterialX' library."""
+    scene, messages = drawn(tmp_path, "color3f inputs:in = (0.25, 0.5, 1)", "ND_convert_color3_surfaceshader")
+    assert (slot(scene, "EMISSION"), slot(scene, "DIFFUSE"), messages) == (pytest.approx([0.25, 0.5, 1]), [0, 0, 0], [])
+
+
+def test_an_emission_alone_shines(tmp_path):
+    nodes = bsdf("e", "ND_uniform_edf", "color3f inputs:color = (1, 2, 3)") + bsdf(
+        "f", "ND_uniform_edf", "color3f inputs:color = (3, 2, 1)"
+    )
+    for kind, ends, expected in (
+        ("ND_add_edf", {"in1": "e", "in2": "f"}, [4, 4, 4]),
+        ("ND_mix_edf", {"fg": "e", "bg": "f"}, [2.5, 2, 1.5]),
+    ):
+        more = "\nfloat inputs:mix = 0.25" if "mix" in kind else ""
+        every = nodes + joined("l", kind, more, **ends)
+        scene, messages = drawn(tmp_path, "token inputs:edf.connect = </m/l.outputs:out>", "ND_surface", every)
+        assert (slot(scene, "EMISSION"), messages) == (pytest.approx(expected), [])
+
+
+# --- sums ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_sum_that_reflects_no_more_than_all_light_is_drawn_exactly(tmp_path):
+    """Share times part is each summand: a metal of weight 0.3 beside a diffuse surface, and a sheet of two BSDFs."""
+    metal = CONDUCTOR.replace("float2 inputs:roughness", "float inputs:weight = 0.3\nfloat2 inputs:roughness")
+    scene, messages = surface(tmp_path, DIFFUSE + metal + joined("a", "ND_add_bsdf", in1="b", in2="m"), "a")
+    share, (below, above) = parts(scene)
+    assert messages == []
+    assert below[ir.Slot.DIFFUSE] * (1 - share) == pytest.approx([0.1, 0.2, 0.3])
+    assert above[ir.Slot.SPECULAR_WEIGHT, 0] * share == pytest.approx(0.3)
+    assert above[ir.Slot.DIFFUSE] == pytest.approx(parts(scene)[1][1][ir.Slot.DIFFUSE])
+    matt = DIFFUSE + bsdf("r", "ND_oren_nayar_diffuse_bsdf", "float inputs:roughness = 0.5\ncolor3f inputs:color = (0.1, 0.1, 0.2)")
+    nodes = matt + TRANSLUCENT + joined("i", "ND_add_bsdf", in1="b", in2="r") + joined("a", "ND_add_bsdf", in1="i", in2="t")
+    scene, messages = surface(tmp_path, nodes, "a")
+    share, (below, above) = parts(scene)
+    assert messages == []
+    assert below[ir.Slot.DIFFUSE] * (1 - share) == pytest.approx([0.2, 0.3, 0.5])
+    assert above[ir.Slot.DIFFUSE_TRANSMISSION] * share == pytest.approx([0.2, 0.3, 0.1])
+
+
+def test_a_sum_that_reflects_more_than_all_light_is_told(tmp_path):
+    nodes = DIFFUSE + CONDUCTOR + joined("a", "ND_add_bsdf", in1="b", in2="m")
+    scene, messages = surface(tmp_path, nodes, "a")
+    assert model_of(scene) == ir.MaterialModel.BLEND
+    assert any("may reflect more light than there is" in message for message in messages)
+
+
+# --- generalized Schlick ------------------------------------------------------------------------------------------------
+
+CASES = [((0.5, 0.3, 0.1), (1, 1, 1), (0.6, 0.6, 0.6), 5.0, 1e-6), ((0.04,) * 3, (0.9, 0.8, 1), (1, 1, 1), 5.0, 1e-6),
+         ((0.2,) * 3, (1, 1, 1), (1, 1, 1), 7.0, 0.05), ((0.2,) * 3, (1, 1, 1), (0.5, 0.2, 0.3), 5.0, 0.4)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("f0", "f82", "f90", "power", "most"), CASES)
+def test_the_metal_has_the_reflectances_of_materialx(f0, f82, f90, power, most):
+    """Within the error that the fit states, at all angles; exact at 0° and, but for clipped tints, at 81.8°."""
+    fit = schlick.fitted(f0, f82, f90, power)
+    assert fit is not None
+    cosine, white = np.linspace(0, 1, 500)[:, None], np.ones(3)
+    drawn_metal = fit.scale * schlick.reflectance(cosine, np.array(fit.color), np.array(fit.tint), white, 5.0)
+    expected = schlick.reflectance(cosine, np.array(f0), np.array(f82), np.array(f90), power)
+    error = np.abs(drawn_metal - expected).max()
+    assert error <= most
+    assert error <= fit.error * 1.02 + 1e-9
+    assert drawn_metal[-1] == pytest.approx(f0)
+
+
+def test_grazing_colours_and_exponents_are_drawn_or_told(tmp_path):
+    inputs = "color3f inputs:color0 = (0.3, 0.2, 0.1)\ncolor3f inputs:color90 = (0.5, 0.5, 0.5)\nfloat inputs:weight = 0.5"
+    scene, messages = surface(tmp_path, bsdf("g", "ND_generalized_schlick_bsdf", inputs), "g")
+    assert (slot(scene, "DIFFUSE"), slot(scene, "SPECULAR_WEIGHT")[0], messages) == (
+        pytest.approx([0.6, 0.4, 0.2]),
+        pytest.approx(0.25),
+        [],
+    )
+    inputs = "color3f inputs:color0 = (0.1, 0.1, 0.1)\nfloat inputs:exponent = 2"
+    _, messages = surface(tmp_path, bsdf("g", "ND_generalized_schlick_bsdf", inputs), "g")
+    assert any("is drawn within 0." in message and "`exponent`" in message for message in messages)

@@ -31,22 +31,30 @@ if TYPE_CHECKING:
     "backend", "error", "budget", "aov", "exposure", "view", "display", "look", "working_space", "white", "bloom", "threads"
 )
 @click.option(
-    "--deviation", metavar="LENGTH", type=options.Value("length", options.length),
+    "--deviation",
+    metavar="LENGTH",
+    type=options.Value("length", options.length),
     help="Greatest distance of triangles from the true surface (0.05mm). Default: 1/2000 of the scene.",
+)
+@click.option(
+    "--bake",
+    metavar="TEXELS",
+    type=click.IntRange(0, 16384),
+    help="Side of the largest picture that a pattern becomes; 0 leaves patterns out. Default: 1024.",
 )
 @click.option("--only", metavar="NAME", multiple=True, help="Convert this instance and those below it alone; * and ? match. Repeatable.")
 @click.option("--without", metavar="NAME", multiple=True, help="Leave out this instance and those below it. Repeatable.")
 @shared.examples(
     "maquette convert part.scene part.stl --deviation 0.05mm",
     "maquette convert scene.scene lid.stl --only lid",
-    "maquette convert room.scene room.glb",
+    "maquette convert room.scene room.glb --bake 2048",
     "maquette convert room.scene room.npz",
     "maquette convert hello.scene hello.xml --size 400x300 --plan filter=box",
     "maquette convert hello.scene hello.pov",
 )
 @shared.listing("OUT ends in:", *writers.help_lines())
 def command(
-    scene: Path, output: Path, deviation: float | None, only: tuple[str, ...], without: tuple[str, ...], **values: Any
+    scene: Path, output: Path, deviation: float | None, bake: int | None, only: tuple[str, ...], without: tuple[str, ...], **values: Any
 ) -> None:  # fmt: skip
     """Convert IN for other programs.
 
@@ -63,12 +71,23 @@ def command(
     if deviation is not None and not writer.deviation:
         raise click.UsageError(f"--deviation applies to triangles: OUT ends in {writers.with_deviation()}")
     jobs.check_folder(output)
+    if bake is not None and not writer.bakes:
+        raise click.UsageError(f"--bake applies to patterns that become pictures: OUT ends in {writers.with_pictures()}")
     compiled = selected(shared.load(source), only, without)
     jobs.check_folder(output, map(Path, compiled.files))
+    from ...compiler.exporters.baking.patterns import SIDE
     from ...compiler.exporters.export import ExportError
     from ...compiler.exporters.export_job import ExportJob
 
-    job = ExportJob(compiled, output, deviation, lambda: jobs.make_plan(compiled, settings, overrides), _renderer, settings)
+    job = ExportJob(
+        compiled,
+        output,
+        deviation,
+        lambda: jobs.make_plan(compiled, settings, overrides),
+        _renderer,
+        settings,
+        SIDE if bake is None else bake,
+    )
     try:
         exported = writers.export(writer, job)
     except ExportError as failure:

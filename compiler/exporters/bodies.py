@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -34,9 +34,13 @@ class Body(NamedTuple):
 
 
 class Bodies:
-    """The instances of a scene that a mesh can stand for. Reports the others."""
+    """The instances of a scene that a mesh can stand for. Reports the others.
 
-    def __init__(self, out: Export, converters: Converters) -> None:
+    A blend stays as it is on instances (rows) of which `is_mixture` is true; otherwise each triangle has one of its parts.
+    """
+
+    def __init__(self, out: Export, converters: Converters, is_mixture: Callable[[int], bool] = lambda instance: False) -> None:
+        self._is_mixture = is_mixture
         self.out, self.tables, self._converters = out, out.scene.tables, converters
         self.middle, self.radius = placement.reach(self.tables)
         self._shells: dict[Hashable, Shell] = {}
@@ -96,7 +100,7 @@ class Bodies:
 
     def _rows(self, i: int, shell: Shell, matrix: F64) -> NDArray[np.int64]:
         row = int(self.tables.instances.material[i])
-        if not traits.has(self.tables, Lobes.PARTS)[row]:
+        if not traits.has(self.tables, Lobes.PARTS)[row] or self._is_mixture(i):
             return np.full(len(shell.triangles), row, np.int64)
         self.out.note("of blended materials each triangle has the one that counts more", "materials", row)
         centers = shell.positions[shell.triangles].mean(axis=1) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -33,6 +33,7 @@ class ExportJob:
     make_plan: Callable[[], Plan]
     load_renderer: Callable[[], RendererFunctions]
     settings: ir.Settings = field(default_factory=ir.Settings)  # those of the command, which precede the scene's
+    bake: int = 1024  # texels of the side of the largest picture of a pattern; 0: patterns are left out
 
     @property
     def stem(self) -> str:

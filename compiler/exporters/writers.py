@@ -21,7 +21,7 @@ class Writer:
     `endings` are the endings of its files with what they are. `module`, in compiler/exporters, has the function `export`, which takes
     an ExportJob and returns an Export; it is loaded for such a file alone. `geometry`, `materials` and `lights` say what a file holds.
     `planned`: it has a camera, so that the options of pictures apply; `refusal` is the answer to them otherwise. `deviation`: it holds
-    triangles, whose distance from the surface an option limits.
+    triangles, whose distance from the surface an option limits. `bakes`: patterns become pictures, whose size an option limits.
     """
 
     name: str
@@ -32,6 +32,7 @@ class Writer:
     lights: str = "none"
     planned: bool = True
     deviation: bool = True
+    bakes: bool = False
     refusal: str = "a file of triangles has no camera: leave out the options of pictures"
 
 
@@ -39,28 +40,52 @@ _COLORS = "a colour for each triangle, or for each vertex of a mesh that has the
 _OWN = "shapes as they are, others as triangles", "the nearest of the program's own", "the program's own"
 WRITERS = (
     Writer(
-        "saved IR", {".npz": "a saved IR"}, "saved", "everything, for maquette itself", "everything", "everything", False, False,
-        "a saved IR has no render plan: give options of the picture to `maquette render OUT.npz`",
+        "saved IR",
+        {".npz": "a saved IR"},
+        "saved",
+        "everything, for maquette itself",
+        "everything",
+        "everything",
+        False,
+        False,
+        refusal="a saved IR has no render plan: give options of the picture to `maquette render OUT.npz`",
     ),
     Writer(
-        "the language", {".scene": "readable source"}, "language.scene", "shapes as they are, meshes beside it, others as triangles",
-        "everything but patterns of other programs", "everything but motion",
+        "the language",
+        {".scene": "readable source"},
+        "language.scene",
+        "shapes as they are, meshes beside it, others as triangles",
+        "everything but patterns of other programs",
+        "everything but motion",
     ),
     Writer("Mitsuba 3", {".xml": "Mitsuba 3"}, "mitsuba.scene", *_OWN, deviation=False),
     Writer("POV-Ray 3.7", {".pov": "POV-Ray 3.7"}, "povray.scene", *_OWN, deviation=False),
     Writer(
-        "glTF 2.0", {".glb": "glTF 2.0"}, "gltf.scene", "triangles", "metallic–roughness, glass, clear coat, pictures",
+        "glTF 2.0",
+        {".glb": "glTF 2.0"},
+        "gltf.scene",
+        "triangles",
+        "metallic–roughness, glass, clear coat, pictures; patterns as pictures",
         "point, spot, directional; area lights as shining meshes",
+        bakes=True,
     ),
     Writer(
-        "USD", {".usda": "USD, as text", ".usdc": "USD", ".usdz": "USD with its pictures"}, "usd.scene",
-        "triangles, equal ones written once", "UsdPreviewSurface, and OpenPBR by MaterialX; pictures, patterns as graphs",
+        "USD",
+        {".usda": "USD, as text", ".usdc": "USD", ".usdz": "USD with its pictures"},
+        "usd.scene",
+        "triangles, equal ones written once",
+        "UsdPreviewSurface, and OpenPBR by MaterialX; pictures; patterns as graphs, else as pictures",
         "UsdLux with light links; the first camera is `main_cam`",
+        bakes=True,
     ),
     Writer("STL", {".stl": "triangles for printing"}, "triangles.stl", "closed triangles in millimetres, z up", planned=False),
     Writer("3MF", {".3mf": "the same"}, "triangles.threemf", "closed triangles in millimetres, z up", _COLORS, planned=False),
     Writer(
-        "OBJ", {".obj": "triangles"}, "triangles.obj", "closed triangles in metres, y up", f"{_COLORS}, with a `.mtl` beside it",
+        "OBJ",
+        {".obj": "triangles"},
+        "triangles.obj",
+        "closed triangles in metres, y up",
+        f"{_COLORS}, with a `.mtl` beside it",
         planned=False,
     ),
     Writer("PLY", {".ply": "triangles"}, "triangles.ply", "closed triangles in metres, y up", _COLORS, planned=False),
@@ -80,6 +105,11 @@ def known_endings() -> str:
 def with_deviation() -> str:
     """The endings of formats of triangles."""
     return ", ".join(ending for writer in WRITERS if writer.deviation for ending in writer.endings)
+
+
+def with_pictures() -> str:
+    """The endings of formats in which patterns become pictures."""
+    return ", ".join(ending for writer in WRITERS if writer.bakes for ending in writer.endings)
 
 
 def help_lines() -> list[str]:

@@ -23,6 +23,15 @@ class Shell(NamedTuple):
     colors: F64 | None = None  # (n, 3) linear
 
 
+class SurfacePoints(NamedTuple):
+    """Points of a surface in the frame of its instance."""
+
+    local: F64  # (k, 3)
+    normals: F64  # (k, 3) unit, for shading
+    faces: F64  # (k, 3) unit, of the surface
+    uvs: F64  # (k, 2)
+
+
 Tessellate = Callable[[int], tuple[F64, NDArray[np.int32], F64, F64, F64]]
 """Tessellates an instance (a row) whose shape a format lacks: positions, triangles, normals, uvs, metric as in Shell."""
 
@@ -35,6 +44,7 @@ class Converters(NamedTuple):
     materials: Callable[[ir.Tables, int, F64], NDArray[np.int64]]  # rows of the materials of an instance at world points (m, 3)
     png: Callable[..., bytes]  # (height, width, 3) values from 0 to 1, color: whether they are colours, alpha: (height, width) or None
     exr: Callable[[NDArray[np.float32]], bytes]  # (height, width, 3)
+    texture: Callable[[int, int, SurfacePoints], F64]  # (k, 3) values of a texture (a row) on an instance (a row)
 
 
 def mesh(tables: ir.Tables, g: int) -> Shell:

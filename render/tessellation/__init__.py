@@ -1,5 +1,5 @@
 """Tessellates analytic shapes and implicit surfaces.
 
-May import: render.geometry, render.formula, render.accel, compiler.mesh.
+May import: render.geometry, render.formula, render.texture, render.accel, compiler.mesh.
 Begin with `view.py`, then `analytic_shapes.py`.
 """

@@ -18,6 +18,7 @@ from . import analytic_shapes as tessellation
 from . import implicit_surfaces
 from .part_materials import triangle_materials
 from .printable_mesh import default_tolerance
+from .surface_textures import make_texture_look_up
 from .view import ViewTessellator
 
 
@@ -68,7 +69,7 @@ def make_converters(scene: ir.Scene, tolerance: float | None = None) -> Converte
         errors[g, size] = tessellation.deviation(kind, parameters, local, shape)
         return _with_metric(tables, instance, shape)
 
-    return Converters(triangles, error, triangle_materials, encoded.png, encoded.exr)
+    return Converters(triangles, error, triangle_materials, encoded.png, encoded.exr, make_texture_look_up(tables))
 
 
 def _with_metric(tables: ir.Tables, instance: int, mesh: tessellation.Tessellation) -> ShapeMesh:

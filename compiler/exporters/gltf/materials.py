@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -25,6 +25,31 @@ from .looks import Looks
 _WRAPS = {ir.Wrap.REPEAT: 10497, ir.Wrap.CLAMP: 33071, ir.Wrap.MIRROR: 33648}
 _NEAREST, _LINEAR, _MIPS = 9728, 9729, 9987
 _GLASS_IOR = 1.5  # glTF's default
+_SLOT = ir.Slot
+PICTURED = frozenset(
+    (
+        _SLOT.AMBIENT,
+        _SLOT.DIFFUSE,
+        _SLOT.SPECULAR,
+        _SLOT.REFLECTION,
+        _SLOT.EMISSION,
+        _SLOT.OPACITY,
+        _SLOT.ROUGHNESS,
+        _SLOT.METALLIC,
+        _SLOT.COAT,
+        _SLOT.COAT_ROUGHNESS,
+        _SLOT.SHEEN,
+        _SLOT.SHEEN_ROUGHNESS,
+        _SLOT.DIFFUSE_TRANSMISSION,
+        _SLOT.SPECULAR_WEIGHT,
+        _SLOT.FUZZ_COLOR,
+        _SLOT.FUZZ_ROUGHNESS,
+        _SLOT.FILM,
+        _SLOT.FILM_THICKNESS,
+        _SLOT.SUBSURFACE_COLOR,
+    )
+)  # inputs that have a picture in glTF
+TOGETHER = frozenset((_SLOT.DIFFUSE, _SLOT.OPACITY)), frozenset((_SLOT.METALLIC, _SLOT.ROUGHNESS))  # channels of one picture
 
 
 class Written(NamedTuple):
@@ -38,17 +63,19 @@ class Written(NamedTuple):
 class Materials:
     """The materials of the file, each written once."""
 
-    def __init__(self, out: Export, container: Container, png: Callable[..., bytes]) -> None:
+    def __init__(self, out: Export, container: Container, png: Callable[..., bytes], baked: Mapping[int, F64]) -> None:
+        """`baked`: see TextureSets."""
+        self._baked = baked
         self.out, self.container, self.tables, self._png = out, container, out.scene.tables, png
         self._written: dict[tuple[int, bytes], Written] = {}
         self._images: dict[bytes, int] = {}
-        self._sets = TextureSets(self.tables)  # of the material that is being written
+        self._sets = TextureSets(self.tables, self._baked)  # of the material that is being written
 
     def written(self, row: int, radiance: F64 | None = None) -> Written:
         """The material of a row; with `radiance` a black one that emits it, as an area light's shape does."""
         key = (row, b"" if radiance is None else radiance.tobytes())
         if key not in self._written:
-            self._sets = TextureSets(self.tables)
+            self._sets = TextureSets(self.tables, self._baked)
             looks = Looks(self.tables, row)
             exported = surface_of(self.out, row, looks.carried())._replace(medium=medium_of(self.out, row))
             document = self._document(exported, looks) if radiance is None else self._shining(f"light{len(self._written)}", radiance)

@@ -17,14 +17,15 @@ from ....lights.contract import ExportedLight
 from ... import ir
 from ...plan.plan import Plan
 from .. import camera_frames, placement
-from ..bodies import Bodies, Body, Converters, compact, part_of
+from ..baking.patterns import SIDE, Baked, Style, bake, bodies_of
+from ..bodies import Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import LightFormat, exported
 from ..media import without_fog
 from ..placement import F64
 from .container import Container
-from .materials import Materials
+from .materials import PICTURED, TOGETHER, Materials
 
 NEAR = 1e-3  # metres: glTF requires a near distance above 0
 _PUNCTUAL = "KHR_lights_punctual"
@@ -33,23 +34,26 @@ _LIGHTS = LightFormat("glTF", skies=False, lacking="glTF has point, spot and dir
 
 def export(job: ExportJob) -> Export:
     """The file of a scene."""
-    return write(job.scene, job.plan, job.converters())
+    return write(job.scene, job.plan, job.converters(), job.bake)
 
 
-def write(scene: ir.Scene, plan: Plan, converters: Converters) -> Export:
-    """Exports `scene`, with the camera of `plan` first. Losses are in its `diagnostics`."""
+def write(scene: ir.Scene, plan: Plan, converters: Converters, side: int = SIDE) -> Export:
+    """Exports `scene`, with the camera of `plan` first. Losses are in its `diagnostics`. `side`: of the largest picture of a pattern."""
     out = Export(scene)
     out.without_links()
     without_fog(out)
-    _Writer(out, converters).write(plan)
-    return out
+    is_formula = scene.tables.textures.kind == ir.TextureKind.FORMULA
+    bodies = bodies_of(out, converters, side)
+    baked = bake(out, list(bodies), converters, Style(side, PICTURED, lambda texture: bool(is_formula[texture]), TOGETHER))
+    _Writer(baked, converters, bodies.radius).write(plan)
+    return baked.out
 
 
 class _Writer:
-    def __init__(self, out: Export, converters: Converters) -> None:
-        self.out, self.tables, self.container = out, out.scene.tables, Container()
-        self.bodies = Bodies(out, converters)
-        self.materials = Materials(out, self.container, converters.png)
+    def __init__(self, baked: Baked, converters: Converters, radius: float) -> None:
+        self.out, self.tables, self.container = baked.out, baked.out.scene.tables, Container()
+        self.bodies, self._radius = baked.bodies, radius
+        self.materials = Materials(self.out, self.container, converters.png, baked.coordinates)
         self.nodes: list[int] = []
         self._meshes: dict[Any, int] = {}
 
@@ -123,7 +127,7 @@ class _Writer:
                 lens["zfar"] = far
             camera = {"type": "perspective", "perspective": lens}
         else:
-            end = far if math.isfinite(far) else near + 100.0 * self.bodies.radius
+            end = far if math.isfinite(far) else near + 100.0 * self._radius
             camera = {"type": "orthographic", "orthographic": {"xmag": half[0], "ymag": half[1], "znear": near, "zfar": end}}
         self._place({"name": placed.name, "camera": self.container.add("cameras", camera)}, placed.frame)
 

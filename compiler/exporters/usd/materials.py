@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from ....materials.contract import Exported
 from ... import ir
 from ...scene.row_records import DEFAULT_MATERIAL, Color, Input, as_color, scale_color
 from ..export import Export
+from ..placement import F64
 from ..surfaces import surface_of
 from ..texture_sets import TextureSets
 from .graphs import is_graph
@@ -26,6 +27,23 @@ _WRAPS = {ir.Wrap.REPEAT: "repeat", ir.Wrap.CLAMP: "clamp", ir.Wrap.MIRROR: "mir
 _TYPES = {
     "color": (Sdf.ValueTypeNames.Color3f, "rgb"), "number": (Sdf.ValueTypeNames.Float, "r"), "normal": (Sdf.ValueTypeNames.Normal3f, "rgb"),
 }  # fmt: skip
+
+
+_SLOT = ir.Slot
+PICTURED = frozenset(_SLOT) - {
+    _SLOT.NORMAL,
+    _SLOT.COAT_NORMAL,
+    _SLOT.BUMP,
+    _SLOT.WEIGHT,
+    _SLOT.RADIUS,
+    _SLOT.ROTATION,
+    _SLOT.COAT_ROTATION,
+    _SLOT.SHININESS,
+    _SLOT.SHEEN,
+    _SLOT.SHEEN_ROUGHNESS,
+    _SLOT.DIFFUSE_TRANSMISSION,
+}
+"""Inputs that have a picture in UsdPreviewSurface or open_pbr_surface."""
 
 
 class _Everything(frozenset[str]):
@@ -49,7 +67,9 @@ class Written(NamedTuple):
 class Materials:
     """The materials of the stage, each written once."""
 
-    def __init__(self, out: Export, stage: Any, parent: str, name: str, png: Callable[..., bytes]) -> None:
+    def __init__(self, out: Export, stage: Any, parent: str, name: str, png: Callable[..., bytes], baked: Mapping[int, F64]) -> None:
+        """`baked`: see TextureSets."""
+        self._baked = baked
         self.out, self.stage, self.tables, self._png = out, stage, out.scene.tables, png
         self._parent, self._name = parent, name
         self._written: dict[tuple[int, bool], Written] = {}
@@ -62,7 +82,7 @@ class Materials:
         if key not in self._written:
             slabs = None if tinted else self._networks.slabs(row)
             carried = frozenset() if slabs is None else EVERYTHING
-            sets, exported = TextureSets(self.tables), surface_of(self.out, row, carried, self._has_graph)
+            sets, exported = TextureSets(self.tables, self._baked), surface_of(self.out, row, carried, self._has_graph)
             diffuse = exported.surface.diffuse
             if tinted and diffuse.texture >= 0:
                 self.out.cannot("the mesh's colours are carried beside its material, which has a texture", "materials", row)

@@ -24,14 +24,16 @@ from ...ir.light_links import CASTERS, EVERYTHING
 from ...mesh.shells import Shell
 from ...plan.plan import Plan
 from .. import camera_frames, placement, texture_values
-from ..bodies import Bodies, Body, Converters, compact, part_of
+from ..baking.patterns import SIDE, Baked, Style, bake, bodies_of
+from ..bodies import Body, Converters, compact, part_of
 from ..export import Export
 from ..export_job import ExportJob
 from ..lights import LightFormat, exported
 from ..material_values import CARRYING
 from ..media import without_media
 from ..placement import F64
-from .materials import Materials, set_name
+from .graphs import is_graph
+from .materials import PICTURED, Materials, set_name
 
 ROOT = "/World"
 MAIN_CAMERA = "main_cam"  # the name that usdrecord looks for
@@ -42,21 +44,30 @@ _LIGHTS = LightFormat("USD")
 
 def export(job: ExportJob) -> Export:
     """The file of a scene."""
-    return write(job.scene, job.plan, job.stem, job.ending, job.converters())
+    return write(job.scene, job.plan, job.stem, job.ending, job.converters(), job.bake)
 
 
-def stage_of(scene: ir.Scene, plan: Plan, name: str, converters: Converters) -> tuple[Export, Any]:
-    """(losses, and the contents of the files that the stage names as ./file; the stage in memory)"""
+def stage_of(scene: ir.Scene, plan: Plan, name: str, converters: Converters, side: int = SIDE) -> tuple[Export, Any]:
+    """(losses, and the contents of the files that the stage names as ./file; the stage in memory). `side`: see `write`."""
     out = Export(scene)
     without_media(out, CARRYING)
-    writer = _Writer(out, name, converters)
+    is_formula = scene.tables.textures.kind == ir.TextureKind.FORMULA
+
+    def has_no_graph(texture: int) -> bool:
+        return bool(is_formula[texture]) and not is_graph(scene.tables, texture)
+
+    baked = bake(out, list(bodies_of(out, converters, side)), converters, Style(side, PICTURED, has_no_graph))
+    writer = _Writer(baked, name, converters)
     writer.write(plan)
-    return out, writer.stage
+    return baked.out, writer.stage
 
 
-def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters) -> Export:
-    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in its `diagnostics`."""
-    out, stage = stage_of(scene, plan, name, converters)
+def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters, side: int = SIDE) -> Export:
+    """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in its `diagnostics`.
+
+    `side`: texels of the side of the largest picture of a pattern that has no graph.
+    """
+    out, stage = stage_of(scene, plan, name, converters, side)
     _encode(out, stage, name, ending)
     return out
 
@@ -79,14 +90,14 @@ def _encode(out: Export, stage: Any, name: str, ending: str) -> None:
 
 
 class _Writer:
-    def __init__(self, out: Export, name: str, converters: Converters) -> None:
-        self.out, self.tables, self.name, self.converters = out, out.scene.tables, name, converters
+    def __init__(self, baked: Baked, name: str, converters: Converters) -> None:
+        self.out, self.tables, self.name, self.converters = baked.out, baked.out.scene.tables, name, converters
         self.stage = Usd.Stage.CreateInMemory()
         UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
         self.stage.SetDefaultPrim(UsdGeom.Xform.Define(self.stage, ROOT).GetPrim())
-        self.bodies = Bodies(out, converters)
-        self.materials = Materials(out, self.stage, f"{ROOT}/Materials", name, converters.png)
+        self.bodies = baked.bodies
+        self.materials = Materials(self.out, self.stage, f"{ROOT}/Materials", name, converters.png, baked.coordinates)
         self._meshes: dict[Any, Any] = {}
         self._placed: dict[int, str] = {}  # paths of instances
         self._lights: dict[int, Any] = {}  # prims of lights

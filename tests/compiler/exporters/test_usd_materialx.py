@@ -138,9 +138,9 @@ def test_flakes_are_their_roughness(tmp_path: Path) -> None:
     assert shader.GetInput("specular_roughness").Get() == pytest.approx((0.3**4 + 0.4**4) ** 0.25)
 
 
-def test_our_own_noise_is_a_loss(tmp_path: Path) -> None:
+def test_our_own_noise_is_a_picture(tmp_path: Path) -> None:
     _, said = converted(tmp_path, "sphere(1, material: lambert(pattern(|x, y, z| noise(4 * x, y, z))))\n")
-    assert "a pattern is not carried" in said
+    assert "patterns are baked into pictures of" in said
 
 
 def test_a_stage_has_both_networks(tmp_path: Path) -> None:

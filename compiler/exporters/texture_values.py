@@ -57,6 +57,14 @@ def picture(tables: ir.Tables, row: int, constant: F64) -> NDArray[np.float32]:
     return (constant * (textures.gain[row] * color + textures.bias[row])).astype(np.float32)
 
 
+def mean(tables: ir.Tables, row: int) -> F64:
+    """(3,) mean of a picture, a checker or stripes as values of a material's input."""
+    if tables.textures.kind[row] == ir.TextureKind.IMAGE:
+        return picture(tables, row, np.ones(3)).mean(axis=(0, 1), dtype=np.float64)
+    a, b = cell_colors(tables, row, np.ones(3))
+    return 0.5 * (a + b)
+
+
 def pixels(images: ir.Images, image: int) -> NDArray[np.float32]:
     """(height, width, 4) linear pixels of an image, from the top."""
     first, width, height = int(images.first[image]), int(images.width[image]), int(images.height[image])

@@ -74,9 +74,9 @@ def printable_parts(scene: ir.Scene, tolerance: float | None = None, share: floa
 
 
 def default_tolerance(scene: ir.Scene) -> float:
-    """The extent of the bounded instances over RESOLUTION; 0 without any."""
+    """The extent of the bounded instances over RESOLUTION, of lights only where there are no others; 0 without any."""
     boxes, light, ends = _boxes(scene.tables)
-    bounded = boxes[ends & ~light]
+    bounded = boxes[ends & ~light] if (ends & ~light).any() else boxes[ends]
     return float((bounded[:, 3:].max(axis=0) - bounded[:, :3].min(axis=0)).max()) / RESOLUTION if len(bounded) else 0.0
 
 

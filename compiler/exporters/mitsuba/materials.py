@@ -162,7 +162,7 @@ class MitsubaRow(MaterialRow):
             self.cannot(losses.INTERREFLECTION)
         if row >= 0:
             self.out.cannot("a texture of roughness is carried as its mean", "textures", row)
-            scale = float(texture_values.picture(self.out.scene.tables, row, np.ones(3)).mean())
+            scale = float(texture_values.mean(self.out.scene.tables, row).mean())
         return value("alpha", max(float(self.value(ir.Slot.ROUGHNESS)[0]) * scale, 0.01) ** 2)
 
     def parts(self) -> list[Node]:

@@ -293,6 +293,33 @@ def test_mitsuba_has_the_highlight_of_gltf(model: str, factor: float, tmp_path: 
     assert width == pytest.approx(roughness**2, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("texture", "alpha", "loss"),
+    [
+        ("checker(rgb(1, 1, 1), rgb(0, 0, 0))", 0.25, "a texture of roughness is carried as its mean"),
+        ("stripes(rgb(1, 1, 1), rgb(0.2, 0, 0))", 0.36, "a texture of roughness is carried as its mean"),
+        ("pattern(|x, y, z| 0.5 + 0.4 * sin(9 * x))", 1.0, "warning: a pattern"),
+    ],
+)
+def test_a_roughness_that_varies_is_carried_to_mitsuba_as_its_mean(texture: str, alpha: float, loss: str, tmp_path: Path) -> None:
+    (tmp_path / "ball.scene").write_text(f'sphere(1, material: metal("gold", roughness: {texture}))\npoint(position: [0, 3, 0])\n')
+    done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.xml")])
+    assert done.exit_code == 0, done.stderr
+    assert loss in done.stderr
+    width = ElementTree.parse(tmp_path / "ball.xml").find(".//bsdf[@type='roughconductor']/float[@name='alpha']")
+    assert width is not None
+    assert float(width.get("value", "nan")) == pytest.approx(alpha)
+
+
+def test_a_shining_ball_alone_has_as_many_triangles_as_another(tmp_path: Path) -> None:
+    sizes = []
+    for material in ("lambert()", "emissive()"):
+        (tmp_path / "ball.scene").write_text(f"sphere(1, material: {material})\nplane(y: -1)\n")
+        assert CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.glb")]).exit_code == 0
+        sizes.append((tmp_path / "ball.glb").stat().st_size)
+    assert sizes[1] < 1.1 * sizes[0]
+
+
 def test_a_saved_ir_takes_no_picture_options(tmp_path: Path) -> None:
     (tmp_path / "ball.scene").write_text("sphere(1)\n")
     done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.npz"), "--size", "10x10"])

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from ...compiler import ir
 from ...compiler.plan import plan as planner
+from ...compiler.plan import transport_rules
 from ...compiler.plan.plan import Plan
 from ...lang.schema.picture_settings import MAX_BOUNCES
+from ...materials import traits
 from ...render import render_scene
 from ...render.film import film as films
 from ...render.image import metrics
@@ -70,8 +72,10 @@ class Sampler:
 
     def __init__(self, scene: ir.Scene, settings: ir.Settings, effort: Effort, overrides: Mapping[str, str] | None = None) -> None:
         """`overrides` go over PLAN. Raises planner.PlanError."""
+        self._scatters = traits.participates(scene.tables)
+        self.most_bounces = transport_rules.MEDIA_BOUNCES if self._scatters else MAX_BOUNCES
         request = replace(
-            settings, backend="ray", samples=FIRST, bounces=MAX_BOUNCES, denoise=False, filter="box", aov=(), error=None, budget=None,
+            settings, backend="ray", samples=FIRST, bounces=self.most_bounces, denoise=False, filter="box", aov=(), error=None, budget=None,
             threads=effort.threads, seed=effort.seed,
         )  # fmt: skip
         plain = planner.make_plan(scene, replace(request, seed=0), {"interreflection": "true", "transport": "path"})
@@ -153,22 +157,25 @@ class Sampler:
         """The luminance of each replicate of one camera by `count` samples of direct light alone, with the same random numbers."""
         self.limit(0)
         pictures = [self.draw(cameras[0], size, (0, 0, *size), self._seed(k), 0, count) / count for k in range(REPLICATES)]
-        self.limit(MAX_BOUNCES)
+        self.limit(self.most_bounces)
         return np.array(pictures)
 
     def unbounced(self, cameras: Sequence[int], size: tuple[int, int], crop: tuple[int, int, int, int] | None = None) -> float:
         """The share of the mean light that the greatest limit on bounces leaves out.
 
-        Light fades by one factor every MAX_BOUNCES/2 bounces: the difference of the whole and the half limit tells it.
+        The difference of the whole and the half limit tells it. Between surfaces light fades by one factor every half limit. In media that
+        absorb little, the light of n collisions fades as n^(−3/2) only: what is beyond the limit is 1/(√2 − 1) of the difference.
         """
         crop, some = crop or (0, 0, *size), list(cameras)[:: max(1, len(cameras) // REPLICATES)]
         light = []
-        for bounces in (MAX_BOUNCES, MAX_BOUNCES // 2):
+        for bounces in (self.most_bounces, self.most_bounces // 2):
             self.limit(bounces)
             light.append(sum(float(self.draw(c, size, crop, self._seed(k), 0, FIRST).mean()) for k in range(4) for c in some))
-        self.limit(MAX_BOUNCES)
+        self.limit(self.most_bounces)
         full, half = light
         share = max(1.0 - half / full, 0.0) if full > 0.0 else 0.0
+        if self._scatters:
+            return MARGIN * share / (math.sqrt(2.0) - 1.0)
         fade = min(share / max(1.0 - share, 1e-9), 0.99)
         return MARGIN * fade**2 / (1.0 - fade**2)
 

@@ -1,6 +1,7 @@
-"""Copies the compiled kernels of this target, and the digests of all modules, to the folder `prebuilt` given as the argument.
+"""Copies compiled kernels and their separate helpers, of this target, and the digests of all modules, to the folder `prebuilt`.
 
-Kernels that were compiled from other sources stay behind. Kernels that a process without Numba cannot load are an error.
+The folder is the argument. Kernels that were compiled from other sources stay behind.
+Kernels that a process without Numba cannot load are an error.
 """
 
 from __future__ import annotations
@@ -17,12 +18,17 @@ def main() -> None:
     assert name is not None
     target = root / name
     target.mkdir(parents=True)
-    for path in kernel_cache.CACHE.glob(f"*{kernel_cache.SUFFIX}"):
-        if kernel_cache.is_current(path.name):
-            code = kernel_file.unpacked(path.name, path.read_bytes())
+    names = [path.name for path in kernel_cache.CACHE.glob(f"*{kernel_cache.SUFFIX}") if kernel_cache.is_current(path.name)]
+    copied = set[str]()
+    while names:
+        file = names.pop()
+        if file not in copied:
+            copied.add(file)
+            code = kernel_file.unpacked(file, (kernel_cache.CACHE / file).read_bytes())
             if code is None or any(name.startswith(("numba_", "NRT_")) for name in code.needs):
-                sys.exit(f"{path.name} cannot be loaded: it is damaged, or calls functions of Numba")
-            shutil.copy(path, target / path.name)
+                sys.exit(f"{file} cannot be loaded: it is damaged, or calls functions of Numba")
+            shutil.copy(kernel_cache.CACHE / file, target / file)
+            names += code.helpers
     (root / "sources.json").write_text(cache_key.ship(), encoding="utf-8")
 
 

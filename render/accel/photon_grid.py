@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import simd
 from ..jit import thread_pool
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import crosslane, ops
 from ..lanes.soa import PAD, compress_store
 from ..types import Lane, Vec
@@ -203,7 +203,7 @@ def _lister(is_near: Callable[..., Any]) -> Any:
 def _adder(photon_light: Callable[..., Any]) -> Any:
     """The function that adds the light of the photons on the lists; see `gatherer`."""
 
-    @noinline_helper
+    @separate_helper
     def add_listed(maps, chosen, lookup, lists):
         """Add the light of the listed photons, choose among them, and empty the lists."""
         zero = ops.int_like(lookup.place[0], 0)
@@ -228,7 +228,7 @@ def gatherer(probe: Callable[..., Any], is_near: Callable[..., Any], photon_ligh
     """
     list_near, add_listed = _lister(is_near), _adder(photon_light)
 
-    @noinline_helper
+    @separate_helper
     def gather(maps, lookup, lanes, sample, random):
         """The light of the photons near each lane."""
         number = (sample + (sample >> 4) * 5) & (MAPS - 1)  # samples of neighboring pixels read other maps, whatever their count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops
 from ..light import dome_spots, emitters, light_tree, lights, links
 from ..light.emitters import Arriving
@@ -68,7 +68,6 @@ def _mark_collecting(media: Any, default: Lane, inputs: PathInputs, row: Lane) -
 
 
 _sample_media, _mark = specialize_if_present(_in_medium), specialize_if_present(_mark_collecting)
-_sample_each, _choose = noinline_helper(emitters.sample), noinline_helper(light_tree.choose)
 
 
 @helper
@@ -93,8 +92,8 @@ def _choose_emitter(
         )
         weighed, shadows = ops.bool_like(zero, table.weighed[0]), ops.bool_like(zero, table.shadows[0])
         return 0, zero + 1.0, arriving, lanes, weighed, shadows
-    row, chance = _choose(table.tree, place, facing(inputs, point, shader, shading.event), numbers(index, 2)[0])
-    arriving = _sample_each(tables, table, row, place, u, v)
+    row, chance = light_tree.choose(table.tree, place, facing(inputs, point, shader, shading.event), numbers(index, 2)[0])
+    arriving = emitters.sample(tables, table, row, place, u, v)
     arriving = _sample_media(table.media, arriving, inputs, row, place, (u, v), index)
     is_light = table.light[row] >= 0
     lanes = lanes & (chance > 0.0) & (ops.bool_like(zero, ops.not_(ending)) | is_light) & ops.not_(lit & is_light)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import ops
 from ..light import emitters, environment_map, light_tree, lights, links
 from ..light.emitter_table import Emitters
@@ -108,13 +108,13 @@ def emitted_radiance(
         lit = lit & ops.not_(among & photon_covers_emission(inputs.photon_emitters, 0, path))
     elif len(table.kind) > 1:
         row = ops.where(among, row + ops.where(among, hit.primitive - table.parts[instance], 0), 0)
-        share, dark = _emission_weight_of_each(table, row, path, point, hit.t, inputs.weighing)
+        share, dark = _emission_weight(table, row, path, point, hit.t, inputs.weighing)
         share, lit = ops.where(among, share, 1.0), lit & ops.not_(among & dark)
         lit = lit & ops.not_(among & photon_covers_emission(inputs.photon_emitters, row, path))
     return ops.where3(lit, ops.scale(ops.mul(path.weight, shader.emission), share), (zero, zero, zero))
 
 
-@helper
+@separate_helper
 def _emission_weight(table: Emitters, row: Lane, path: PathState, point: Surface, t: Lane, weighing: int) -> tuple[Lane, Lane]:
     """(MIS weight of an emitter that a path hit, whether it hit the side that does not emit)."""
     density = emitters.density(table, row, path.origin, path.direction, t)
@@ -127,9 +127,6 @@ def _emission_weight(table: Emitters, row: Lane, path: PathState, point: Surface
     is_light = table.light[row] >= 0
     share = ops.where(behind & ops.not_(is_light), 1.0, share)  # light samples do not find the inside of closed shapes
     return ops.where(table.weighed[row], share, only), behind & is_light
-
-
-_emission_weight_of_each = noinline_helper(_emission_weight)
 
 
 @helper

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from .. import simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, noinline_helper, separate_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3, scatter_add, store3
 from ..light import lights
@@ -201,7 +201,7 @@ def _split(rows: Any, light: Any, i: int) -> None:
     store3(light, 0, 0, i, ops.scale(diffuse, simd.load(rows, CHANCE * ROW + i)))
 
 
-@helper
+@separate_helper
 def _weigh(accel: Any, scene: Any, memory: Any, shadows: bool, group: int, j: int) -> None:
     """Write the weight of the j-th second surface at each first surface of a group, without its albedo.
 

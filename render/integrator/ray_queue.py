@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3
 from ..light import lights
@@ -93,7 +93,7 @@ def towards(origin: Vec, place: Vec) -> tuple[Vec, Lane]:
     return ops.scale(way, inverse), squared * inverse * (1.0 - 64.0 * ops.roundoff(squared))
 
 
-@noinline_helper
+@separate_helper
 def attenuate_between(accel, scene, memory, rows, ends, n):
     """Multiply n shares by the transmittance between two points.
 

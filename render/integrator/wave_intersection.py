@@ -10,7 +10,7 @@ from ...compiler import ir
 from .. import simd
 from ..accel import intersect, primitive_hits
 from ..accel.traverse import motion_alpha
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, noinline_helper, separate_helper, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, gather3, load3
 from ..material import medium_stack
@@ -137,7 +137,7 @@ def load_hits(memory: Any, i: int, active: Lane) -> tuple[Hit, Lane, Lane]:
     return Hit(t, instance, simd.load(memory.hit_ids, 2 * ROW + i), u, v), piece, active & ((piece >= 0) | (instance >= 0))
 
 
-@noinline_helper
+@separate_helper
 def _full_interaction(tables, ray, hit):
     return interaction.make_interaction(tables, ray, hit)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import camera, simd
 from ..accel import intersect, primitive_hits
-from ..jit.kernel import helper, kernel, noinline_helper, specialize_either, specialize_if_present
+from ..jit.kernel import helper, kernel, noinline_helper, separate_helper, specialize_either, specialize_if_present
 from ..lanes import crosslane, ops
 from ..lanes.soa import ROW, SIZE, compress_store, compress_store3, gather3, load3, store3
 from ..material import dispersion, medium_stack
@@ -168,7 +168,7 @@ def _collect(film: Any, memory: Any, n: int, width: int) -> None:
 # --- stages --------------------------------------------------------------------------------------------------------------
 
 
-@noinline_helper
+@separate_helper
 def _generate_stage(tables, frame, total, memory, n):
     """Write the camera rays of n samples."""
     view, options = frame.picture, frame.options

@@ -17,6 +17,11 @@ LONGEST = 300.0  # seconds of waiting for another process, after which this one 
 _STEP = 0.05  # seconds between two attempts, so that signals are handled
 
 
+def is_taken(file: Path) -> bool:
+    """Whether a process may hold the lock of a file of compiled code."""
+    return file.with_name(f"{file.name}{SUFFIX}").exists()
+
+
 @contextmanager
 def compiling(file: Path) -> Iterator[None]:
     """Hold the lock of a file of compiled code in the block. The lock of a process that ended is free.

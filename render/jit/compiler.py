@@ -37,7 +37,7 @@ from ..simd import (  # noqa: F401 - define kernels' functions
 )
 from . import fragments, lto, numba_patches, numba_types, prebuilt
 from .kernel_file import Code
-from .value_types import ValueType
+from .value_types import NONE, ValueType
 
 numba_patches.install_patches()
 _FLAGS: Any = {
@@ -104,8 +104,9 @@ def register() -> None:
         _REGISTER[kind](*arguments)
 
 
-def _register_overload(function: Any, choose: Any, strict: bool, inline: bool, allocates: bool) -> None:
-    options = {**_FLAGS, "forceinline": inline, "pipeline_class": lto.Fragment, "_nrt": allocates}
+def _register_overload(function: Any, choose: Any, strict: bool, inline: bool, allocates: bool, separate: bool) -> None:
+    pipeline = lto.SeparateFragment if separate else lto.Fragment
+    options = {**_FLAGS, "forceinline": inline, "pipeline_class": pipeline, "_nrt": allocates}
     overload(function, jit_options=options, strict=strict)(choose)  # pyright: ignore[reportArgumentType]
 
 
@@ -131,14 +132,32 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
     return njit(**_FLAGS, pipeline_class=lto.Fragment)(function)
 
 
-def compile_kernel(function: Callable[..., Any], kinds: tuple[ValueType, ...], folder: Path) -> Code:
-    """Compile a function for arguments of these types, with the fragments of a folder. Raises Numba's errors for other code."""
+class SeparateHelper:
+    """A helper that a kernel calls and that is emitted apart from it. `symbol` names its function, and its code for all processes."""
+
+    def __init__(self, library: Any) -> None:
+        self._library = library
+        self.symbol: str = library.symbol
+
+    def emit(self) -> tuple[Code, list[SeparateHelper]]:
+        """(its object code, the separate helpers that it calls). The code does not name their files."""
+        with global_compiler_lock:
+            code, linked = lto.emit_separately(self._library)
+        return Code("", self.symbol, NONE, linked.undefined, code), list(map(SeparateHelper, linked.separate))
+
+
+def compile_kernel(function: Callable[..., Any], kinds: tuple[ValueType, ...], folder: Path) -> tuple[Code, list[SeparateHelper]]:
+    """(a function's code for arguments of these types, the separate helpers that it calls), with the fragments of a folder.
+
+    The code does not name the files of helpers. Raises Numba's errors for other code.
+    """
     with _for_kernels():
         fragments.STORE.open(folder)
         library, described, result = _lower(function, kinds)
         code = library.emit()
         fragments.STORE.save()
-    return Code(numba_types.ENTRY, described.llvm_func_name, result, library.undefined(), code)
+    linked = library.linked
+    return Code(numba_types.ENTRY, described.llvm_func_name, result, linked.undefined, code), list(map(SeparateHelper, linked.separate))
 
 
 def assembly(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> str:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from . import cache_folder
 
 SUFFIX = ".fragments"
-_MAGIC = b"maquette fragments 1\n"
+_MAGIC = b"maquette fragments 2\n"
 _DIGEST = 16  # bytes
 _SIZE = struct.Struct("<I")
 BATCH = 64  # new fragments that are written together
@@ -32,6 +32,7 @@ class Fragment(NamedTuple):
     symbol: str  # of its function
     result: Any  # type, as in numba_types.to_plain
     calls: tuple[str, ...]  # keys
+    separate: bool  # emitted apart from the kernels that call it
     code: bytes  # LLVM bitcode
 
 
@@ -129,8 +130,8 @@ def read(file: Path) -> list[Fragment]:
         start += _SIZE.size
         rows = json.loads(data[start : start + size])
         start += size
-        for key, symbol, result, calls, length in rows:
-            fragments.append(Fragment(key, symbol, result, tuple(calls), data[start : start + length]))
+        for key, symbol, result, calls, separate, length in rows:
+            fragments.append(Fragment(key, symbol, result, tuple(calls), bool(separate), data[start : start + length]))
             start += length
     except (ValueError, LookupError, TypeError, struct.error):
         return []

@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from ..simd.registration import overload, record_overload, types
+from ..simd.registration import record_overload, types
 from . import kernel_cache
 from .value_types import ValueType, typeof
 
@@ -67,6 +67,14 @@ def noinline_helper(function: Callable[..., Any]) -> Any:
     return _register(function, inline=False)
 
 
+def separate_helper(function: Callable[..., Any]) -> Any:
+    """`noinline_helper` that is optimized and emitted once for all kernels that call it, for long code of many kernels.
+
+    LLVM sees its signature alone where it compiles a caller. It returns no memory of its stack.
+    """
+    return _register(function, inline=False, separate=True)
+
+
 def allocating_helper(function: Callable[..., Any]) -> Any:
     """`noinline_helper` that may allocate arrays."""
     return _register(function, inline=False, allocates=True)
@@ -96,12 +104,11 @@ def specialize_if_present(function: Callable[..., Any], is_active: Callable[[Any
     def select(part: Any, default: Any, *arguments: Any) -> Any:
         return default if _is_absent(part) or not (is_active is None or is_active(part)) else function(part, default, *arguments)
 
-    @overload(select)
     def _in_kernels(part, default, *arguments):
         if _is_absent_type(part):
             return lambda part, default, *arguments: default
         if is_active is None:
-            return lambda part, default, *arguments: function(part, default, *arguments)
+            return function
 
         def branch(part, default, *arguments):
             if is_active(part):  # pyright: ignore[reportOptionalCall]
@@ -110,6 +117,7 @@ def specialize_if_present(function: Callable[..., Any], is_active: Callable[[Any
 
         return branch
 
+    record_overload(select, _in_kernels, strict=False)  # the function's parameters have other names
     return select
 
 
@@ -119,12 +127,10 @@ def specialize_either(function: Callable[..., Any], otherwise: Callable[..., Any
     def select(part: Any, *arguments: Any) -> Any:
         return otherwise(*arguments) if _is_absent(part) else function(part, *arguments)
 
-    @overload(select)
     def _in_kernels(part, *arguments):
-        if _is_absent_type(part):
-            return lambda part, *arguments: otherwise(*arguments)
-        return lambda part, *arguments: function(part, *arguments)
+        return (lambda part, *arguments: otherwise(*arguments)) if _is_absent_type(part) else function
 
+    record_overload(select, _in_kernels, strict=False)
     return select
 
 

@@ -23,6 +23,7 @@ from .loader import Loaded
 from .value_types import ValueType
 
 SUFFIX = ".kernel"
+HELPER_SUFFIX = ".helper"
 
 
 def _folder_name() -> str:
@@ -59,6 +60,7 @@ class NotCompiled(Exception):
 
 _rules = threading.local()
 _records: list[list[str]] = []
+_helpers: dict[str, Code] = {}  # separate helpers that this process has emitted or read, by the names of their files
 _unkept: list[str] = []  # why compiled kernels could not be written
 
 
@@ -104,7 +106,7 @@ def load(kernel: Any, kinds: tuple[ValueType, ...]) -> Loaded:
                 requests.record(function, kinds)
             name = _file_name(function, kinds)
             code, compiled = read(name) if name else None, False
-            if code is None:
+            if code is None or not _load_helpers(code):
                 if must_be_compiled():
                     raise NotCompiled(f"{_name_of(function)}-{_digest_of_types(kinds)}")
                 code, compiled = _compile(function, kinds, name)
@@ -119,24 +121,64 @@ def _compile(function: Callable[..., Any], kinds: tuple[ValueType, ...], name: s
     """(code, whether this process compiled it): another process may compile the same kernel, which is then read from disk."""
     with compile_events.compiling(_name_of(function)), compile_lock.compiling(CACHE / name) if name else nullcontext():
         code = read(name) if name else None
-        if code is not None:
+        if code is not None and _load_helpers(code):
             return code, False
-        from . import compiler
-
-        code = compiler.compile_kernel(function, kinds, CACHE)
+        code = _emit(function, kinds)
+        if not _load_helpers(code):
+            raise RuntimeError(f"the helpers of the kernel {_name_of(function)} cannot be loaded")
         if name:
             write(name, code)
         return code, True
 
 
-def compile_only(kernel: Any, kinds: tuple[ValueType, ...]) -> None:
-    """Compile a kernel into the cache, for a machine that may not be this one. Kernels that it calls must have been compiled before."""
+def _emit(function: Callable[..., Any], kinds: tuple[ValueType, ...]) -> Code:
+    """Compile a kernel, and the separate helpers that it calls and that are not on disk."""
     from . import compiler
 
+    code, helpers = compiler.compile_kernel(function, kinds, CACHE)
+    return code._replace(helpers=_emit_helpers(helpers))
+
+
+def _emit_helpers(helpers: list[Any]) -> tuple[str, ...]:
+    """Emit the separate helpers that are not on disk; return the names of their files. Those that other processes emit come last."""
+    names = {helper.symbol: f"{helper.symbol}{HELPER_SUFFIX}".replace("<locals>", "local") for helper in helpers}
+    for helper in sorted(helpers, key=lambda helper: compile_lock.is_taken(CACHE / names[helper.symbol])):
+        name = names[helper.symbol]
+        if _helper(name) is None:
+            with compile_lock.compiling(CACHE / name):
+                if _helper(name) is None:
+                    code, callees = helper.emit()
+                    _helpers[name] = code._replace(helpers=_emit_helpers(callees))
+                    write(name, _helpers[name])
+    return tuple(sorted(names.values()))
+
+
+def _helper(name: str) -> Code | None:
+    """The code of a separate helper and of all that it calls: of this process, or in files."""
+    code = _helpers.get(name) or read(name)
+    if code is None or any(_helper(callee) is None for callee in code.helpers):
+        return None
+    _helpers[name] = code
+    return code
+
+
+def _load_helpers(code: Code) -> bool:
+    """Load the separate helpers that a kernel calls, step by step; False where a file is missing."""
+    if any(_helper(name) is None for name in code.helpers):
+        return False
+    for name in code.helpers:
+        if not loader.is_defined(_helpers[name].function):
+            _load_helpers(_helpers[name])
+            loader.define(_helpers[name])
+    return True
+
+
+def compile_only(kernel: Any, kinds: tuple[ValueType, ...]) -> None:
+    """Compile a kernel into the cache, for a machine that may not be this one. Kernels that it calls must have been compiled before."""
     name = _file_name(kernel.py_func, kinds)
     code = read(name) if name else None
-    if code is None:
-        code = compiler.compile_kernel(kernel.py_func, kinds, CACHE)
+    if code is None or any(_helper(helper) is None for helper in code.helpers):
+        code = _emit(kernel.py_func, kinds)
         if name:
             write(name, code)
     kernel.loaded[kinds] = loader.NotLoaded(code.result)

@@ -10,24 +10,28 @@ from typing import NamedTuple
 from . import value_types
 from .value_types import ValueType
 
-_MAGIC = b"maquette kernel 1\n"
+_MAGIC = b"maquette kernel 2\n"
 _DIGEST = 16  # bytes
 _SIZE = struct.Struct("<I")
 
 
 class Code(NamedTuple):
-    """Object code of a kernel."""
+    """Object code of a kernel, or of a helper that kernels call."""
 
-    entry: str  # symbol of the function that Python calls
+    entry: str  # symbol of the function that Python calls; "" of a helper
     function: str  # symbol of the function that other kernels call
     result: ValueType
     needs: tuple[str, ...]  # symbols that other code defines
     code: bytes
+    helpers: tuple[str, ...] = ()  # names of the files of separate helpers that it calls
 
 
 def packed(name: str, code: Code) -> bytes:
     """The content of the file of a name."""
-    header = {"name": name, "entry": code.entry, "function": code.function, "result": code.result.plain, "needs": code.needs}
+    header = {
+        "name": name, "entry": code.entry, "function": code.function, "result": code.result.plain, "needs": code.needs,
+        "helpers": code.helpers,
+    }  # fmt: skip
     text = json.dumps(header, separators=(",", ":")).encode()
     body = _SIZE.pack(len(text)) + text + code.code
     return _MAGIC + _digest(body) + body
@@ -45,7 +49,7 @@ def unpacked(name: str, data: bytes) -> Code | None:
         if header["name"] != name:
             return None
         result = value_types.from_plain(header["result"])
-        return Code(header["entry"], header["function"], result, tuple(header["needs"]), data[start + size :])
+        return Code(header["entry"], header["function"], result, tuple(header["needs"]), data[start + size :], tuple(header["helpers"]))
     except (ValueError, LookupError, TypeError, AttributeError, ImportError, struct.error):
         return None
 

@@ -49,6 +49,20 @@ def load_object(code: bytes) -> Any:
     return engine
 
 
+_defined: dict[str, Any] = {}  # engines of separate helpers, by symbol
+
+
+def is_defined(symbol: str) -> bool:
+    """Whether the function of a separate helper is loaded."""
+    return symbol in _defined
+
+
+def define(helper: Code) -> None:
+    """Load a separate helper, whose callees are loaded, for the kernels that are loaded after it."""
+    engine = _defined[helper.function] = load_object(helper.code)
+    llvm.add_symbol(helper.function, engine.get_function_address(helper.function))
+
+
 def has_symbols(code: Code) -> bool:
     """Whether this process defines the symbols that the code needs."""
     return all(hasattr(_process, name) or llvm.address_of_symbol(name) is not None for name in code.needs)

@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import cache
 from inspect import iscode
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 from llvmlite import binding
 from numba import _dynfunc  # pyright: ignore[reportAttributeAccessIssue]
@@ -38,6 +38,8 @@ class _Library(JITCodeLibrary):
     """Code that is only linked into other libraries: an unoptimized module and its callees."""
 
     key = ""  # of a fragment that is kept on disk
+    symbol = ""  # of the function of such a fragment
+    separate = False  # a fragment that is emitted apart from its callers
 
     def __init__(self, codegen: Any, name: str) -> None:
         CodeLibrary.__init__(self, codegen, name)
@@ -73,7 +75,7 @@ class _Library(JITCodeLibrary):
         if self._shared_module is None:
             module = self._shared_module = binding.parse_assembly("")
             module.name, module.triple, module.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
-            _link(module, [self])
+            _link(module, [self], whole=True)
         return self._shared_module
 
 
@@ -83,6 +85,7 @@ class _Stored(_Library):
     def __init__(self, codegen: Any, fragment: fragments.Fragment) -> None:
         super().__init__(codegen, fragment.symbol)
         self.fragment, self.key, self._finalized = fragment, fragment.key, True
+        self.symbol, self.separate = fragment.symbol, fragment.separate
 
     def module(self) -> Any:
         if self._final_module is None:
@@ -99,16 +102,22 @@ def _passes(codegen: Any) -> tuple[Any, Any]:
     return codegen._function_pass_manager()
 
 
+class Linked(NamedTuple):
+    """The functions that a linked and optimized module declares only, without LLVM's intrinsics."""
+
+    undefined: tuple[str, ...]  # names of those that the process defines
+    separate: list[_Library]  # separate fragments
+
+
 class Whole(JITCodeLibrary):
-    """Code of a kernel, with every fragment linked into it once."""
+    """Code of a kernel, with every fragment linked into it once, but for separate ones."""
+
+    linked = Linked((), [])
 
     def link(self) -> None:
         """Link all fragments into the module and optimize it."""
         libraries, self._linking_libraries = self._linking_libraries, []
-        _link(self._final_module, libraries)
-        _define_allocation(self._final_module)
-        self._optimize_final_module()
-        self._final_module.verify()
+        self.linked = _build(self._codegen, self._final_module, libraries)
         self._verify_declare_only_symbols()
         self._finalized = True
 
@@ -117,30 +126,44 @@ class Whole(JITCodeLibrary):
         self.link()
         return self._codegen._tm.emit_object(self._final_module)
 
-    def undefined(self) -> tuple[str, ...]:
-        """Names of the functions and variables that the linked module declares only, without LLVM's intrinsics."""
-        module = self._final_module
-        declared = (each.name for part in (module.functions, module.global_variables) for each in part if each.is_declaration)
-        return tuple(sorted(name for name in declared if not name.startswith("llvm.")))
 
-    def _optimize_final_module(self) -> None:
-        """Inline all fragments first, before stack lifetime markers exist: helpers return parts of their stack memory."""
-        for options in ({"opt": 0, "cost": "cheap", "slp_vectorize": False}, {}):
-            passes, builder = self._codegen._module_pass_manager(**options)
-            passes.run(self._final_module, builder)
+def emit_separately(library: _Library) -> tuple[bytes, Linked]:
+    """The object code of a fragment, with all that it calls but separate fragments."""
+    module = binding.parse_bitcode(library.module().as_bitcode())
+    linked = _build(library.codegen, module, library.callees())
+    return library.codegen._tm.emit_object(module), linked
 
 
-def _link(module: Any, libraries: list[Any]) -> None:
-    """Link libraries and their callees into a module; only called functions stay.
+def _build(codegen: Any, module: Any, libraries: list[Any]) -> Linked:
+    """Link libraries into a module and optimize it.
+
+    All fragments are inlined first, before stack lifetime markers exist: helpers return parts of their stack memory.
+    """
+    separate = {library.symbol: library for library in _link(module, libraries)}
+    _define_allocation(module)
+    for options in ({"opt": 0, "cost": "cheap", "slp_vectorize": False}, {}):
+        passes, builder = codegen._module_pass_manager(**options)
+        passes.run(module, builder)
+    module.verify()
+    declared = {each.name for part in (module.functions, module.global_variables) for each in part if each.is_declaration}
+    undefined = sorted(name for name in declared - separate.keys() if not name.startswith("llvm."))
+    return Linked(tuple(undefined), [library for name, library in separate.items() if name in declared])
+
+
+def _link(module: Any, libraries: list[Any], whole: bool = False) -> list[_Library]:
+    """Link libraries and their callees into a module; only called functions stay. Return the separate fragments, linked only with `whole`.
 
     Linkage changes after linking: LLVM does not link discardable functions that are not called yet.
     """
     defined = {function.name for function in module.functions if not function.is_declaration}
-    linked, others, todo = dict[Any, Any](), dict[Any, None](), list(reversed(libraries))
+    linked, separate, others = dict[Any, _Library](), dict[str, _Library](), dict[Any, None]()
+    todo = list(reversed(libraries))
     while todo:
         library = todo.pop()
         if not isinstance(library, _Library):
             others[library] = None
+        elif library.separate and not whole:
+            separate[library.key] = library
         elif (library.key or library) not in linked:
             linked[library.key or library] = library
             todo += reversed(library.callees())
@@ -151,6 +174,7 @@ def _link(module: Any, libraries: list[Any]) -> None:
             function.linkage = "linkonce_odr"
     for library in others:
         module.link_in(library._get_module_for_linking(), preserve=True)
+    return list(separate.values())
 
 
 # Numba's reference-counted memory without its library, which a process that only loads kernels does not have. Its structure is
@@ -238,9 +262,11 @@ _used = set[str]()  # keys of the fragments that this process has compiled
 class Fragment(CompilerBase):
     """Numba's pipeline without the unused passes and without code emission. Fragments on disk are not compiled again."""
 
+    separate = False
+
     def compile_extra(self, func: Any) -> Any:
         """Compile a helper, or take it from fragments.py."""
-        key = _key_of(func, self.state.args, self.state.flags)
+        key = _key_of(func, self.state.args, self.state.flags, self.separate)
         stored = fragments.STORE.find(key) if key is not None else None
         if stored is not None:
             return self._take(func, stored)
@@ -255,7 +281,7 @@ class Fragment(CompilerBase):
         self.state.lifted, self.state.lifted_from = (), None
         result = self._compile_bytecode()
         if key is not None:
-            _keep(key, result)
+            _keep(key, result, self.separate)
         return result
 
     def _take(self, func: Any, fragment: fragments.Fragment) -> Any:
@@ -287,23 +313,31 @@ class Fragment(CompilerBase):
         return [passes]
 
 
-def _key_of(function: Any, kinds: tuple[Any, ...], flags: Any) -> str | None:
+class SeparateFragment(Fragment):
+    """A fragment that is emitted apart from its callers, if it is kept on disk."""
+
+    separate = True
+
+
+def _key_of(function: Any, kinds: tuple[Any, ...], flags: Any, separate: bool) -> str | None:
     """The key of a fragment for arguments of these types; None where it depends on more than definitions and types."""
     try:
-        return digest(f"{digest_of_function(function)} {flags.forceinline} {flags.nrt} {json.dumps(list(map(to_plain, kinds)))}")
+        options = f"{flags.forceinline} {flags.nrt} {separate}"
+        return digest(f"{digest_of_function(function)} {options} {json.dumps(list(map(to_plain, kinds)))}")
     except (NoDigest, UnknownType):
         return None
 
 
-def _keep(key: str, result: Any) -> None:
+def _keep(key: str, result: Any, separate: bool) -> None:
     """Keep a compiled fragment, unless it calls one that is not kept, or a file cannot describe its result."""
     library, kind = attrgetter("library", "signature.return_type")(result)
     calls = [each.key for each in library.callees() if isinstance(each, _Library)]
     with suppress(UnknownType):
         result_type = to_plain(kind)
         if all(calls) and from_plain(result_type) == kind:
-            fragments.STORE.add(fragments.Fragment(key, result.fndesc.llvm_func_name, result_type, tuple(calls), _own_code(library)))
-            library.key = key
+            symbol = result.fndesc.llvm_func_name
+            fragments.STORE.add(fragments.Fragment(key, symbol, result_type, tuple(calls), separate, _own_code(library)))
+            library.key, library.symbol, library.separate = key, symbol, separate
 
 
 def _own_code(library: _Library) -> bytes:

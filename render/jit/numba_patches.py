@@ -190,6 +190,11 @@ class ErrorContext:
             error.add_context(errors._format_msg(self.message, self.args, self.kwargs))  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def markup(self: Any, msg: str, color: Any = None, style: Any = None) -> str:
+    """HighlightColorScheme._markup without colours: types are tried by errors, whose messages nobody reads."""
+    return msg
+
+
 def refresh(self: Any) -> None:
     """BaseContext.refresh of target contexts: does nothing unless a registry has grown."""
     lengths = _registered(self)
@@ -263,6 +268,7 @@ REPLACED: tuple[tuple[Any, str, Callable[..., Any], tuple[str, ...]], ...] = (
     (event, "install_timer", install_timer, ("install_timer",)),
     (typeinfer, "new_error_context", ErrorContext, ("new_error_context",)),
     (lowering, "new_error_context", ErrorContext, ("new_error_context",)),
+    (getattr(errors, "HighlightColorScheme", errors), "_markup", markup, ("_markup",)),  # where colorama is installed
     (base.BaseContext, "refresh", refresh, ("refresh", "load_additional_registries", "install_registry")),
     (Typing, "refresh", refresh_typing, ("refresh", "load_additional_registries", "install_registry")),
     (Typing, "resolve_getattr", resolve_getattr, ("resolve_getattr", "find_matching_getattr_template", "resolve_module_constants")),

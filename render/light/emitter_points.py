@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...compiler import ir
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import ops
 from ..surface import interaction
 from ..surface.material_inputs import color_of
@@ -49,7 +49,7 @@ def is_plate(kind: Lane) -> Lane:
     return (kind == RECTANGLE) | (kind == DISK) | (kind == TRIANGLE)
 
 
-@helper
+@separate_helper
 def _evaluate(tables: Tables, emitters: Any, e: Lane, origin: Vec, direction: Vec, distance: Lane) -> Vec:
     """Evaluate the emission of the material of emitter e where a ray meets it."""
     zero = 0.0 * distance
@@ -69,17 +69,12 @@ def _evaluate(tables: Tables, emitters: Any, e: Lane, origin: Vec, direction: Ve
     return color_of(tables, point, EMISSION)
 
 
-_evaluate_noinline = noinline_helper(_evaluate)
-
-
 @helper
 def textured_radiance(radiance: Vec, tables: Tables, emitters: Any, e: Lane, origin: Vec, direction: Vec, distance: Lane) -> Vec:
     """`radiance`, or the radiance of emitters with a texture where a ray from `origin` meets them."""
     textured = ops.bool_like(distance, False) | emitters.textured[e]
     if ops.any_lane(textured):
-        radiance = ops.where3(
-            textured, _evaluate_noinline(tables, emitters, e, origin, direction, ops.where(textured, distance, 1.0)), radiance
-        )
+        radiance = ops.where3(textured, _evaluate(tables, emitters, e, origin, direction, ops.where(textured, distance, 1.0)), radiance)
     return radiance
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..jit.kernel import helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import ops
 from ..types import Lane, Tables, Vec
 from . import emitter_points, environment_map, form_samples, light_kinds, lights, round_emitters, shape_solid_angle
@@ -27,7 +27,7 @@ class Arriving(NamedTuple):
     cosine: Lane  # at the emitter; 1 without a surface
 
 
-@helper
+@separate_helper
 def sample(tables: Tables, emitters: Emitters, e: Lane, position: Vec, u: Lane, v: Lane) -> Arriving:
     """Sample emitter e (a row for each lane, or one for all) from a point; u, v in [0, 1) choose a point on it."""
     kind = emitters.kind[e]
@@ -196,6 +196,5 @@ def _pdf_round(density: Lane, emitters: Emitters, e: Lane, way: Vec, direction: 
 
 
 _pdf_wide_disks, _pdf_wide_triangles, _pdf_tubes, _pdf_rounds = (
-    shape_solid_angle.specialize_if_some(each)
-    for each in (form_samples.disk_density, form_samples.triangle_density, _pdf_tube, _pdf_round)
+    shape_solid_angle.specialize_if_some(each) for each in (form_samples.disk_density, form_samples.triangle_density, _pdf_tube, _pdf_round)
 )

@@ -17,7 +17,7 @@ from ...compiler import ir
 from ...compiler.ir import light_links
 from ...lights import PICTURED, SKIES
 from ..image import metrics
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import affine, ops
 from ..simd.registration import overload
 from ..types import Lane, Tables, Vec
@@ -208,7 +208,7 @@ def sample_map(sky: SkyMap, u: Lane, v: Lane) -> tuple[Vec, Lane]:
     return ops.normalize(affine.transform_vector(sky.matrix, 0, local)), sky.density[r * width + c]
 
 
-@helper
+@separate_helper
 def _density(sky: SkyMap, place: Vec, direction: Vec) -> Lane:
     return _density_by_openings(sky.openings, map_density(sky, direction), place, direction)
 
@@ -256,19 +256,16 @@ _through_openings = specialize_if_present(_sample_openings)
 _density_by_openings = specialize_if_present(_mixed_density)
 
 
-@helper
+@separate_helper
 def _sample_radiance(sky: SkyMap, tables: Tables, place: Vec, u: Lane, v: Lane) -> tuple[Vec, Vec, Lane]:
     direction, density = _through_openings(sky.openings, sample_map(sky, u, v), sky, place, u, v)
     return direction, lights.background(tables, direction, lights.SHADOWED)[0], density
 
 
-_sample_radiance_noinline, _density_noinline = noinline_helper(_sample_radiance), noinline_helper(_density)
-
-
 @overload(sample)
 def _sample_in_kernels(sky, tables, place, u, v):
     if sky.layout:
-        return lambda sky, tables, place, u, v: _sample_radiance_noinline(sky, tables, place, u, v)
+        return lambda sky, tables, place, u, v: _sample_radiance(sky, tables, place, u, v)
 
     def nothing(sky, tables, place, u, v):
         zero = 0.0 * u
@@ -285,7 +282,7 @@ def density(sky: Any, place: Vec, direction: Vec) -> Lane:
 @overload(density)
 def _density_in_kernels(sky, place, direction):
     if sky.layout:
-        return lambda sky, place, direction: _density_noinline(sky, place, direction)
+        return lambda sky, place, direction: _density(sky, place, direction)
     return lambda sky, place, direction: 0.0 * direction[0]
 
 

@@ -88,7 +88,7 @@ def sample_plate(plate: Plate, way: Vec, u: Lane, v: Lane) -> Reached:
     filled = zero
     if ops.any_lane(wide):
         rect = _rectangle(plate, way)
-        x, y = rectangle_solid_angle.sample_noinline(rect, u, v)
+        x, y = rectangle_solid_angle.sample(rect, u, v)
         a, b, filled = ops.where(wide, x, a), ops.where(wide, y, b), rect.solid
     to = ops.add(way, ops.add((side_u[0] * a, side_u[1] * a, side_u[2] * a), (side_v[0] * b, side_v[1] * b, side_v[2] * b)))
     squared = ops.maximum(ops.dot(to, to), lights.TINY)
@@ -203,6 +203,6 @@ def _rectangle(plate: Plate, way: Vec) -> rectangle_solid_angle.SphericalRectang
     half_u, half_v = ops.length(u), ops.length(v)
     unit_u = ops.scale(u, 1.0 / ops.maximum(half_u, lights.TINY))
     unit_v = ops.scale(v, 1.0 / ops.maximum(half_v, lights.TINY))
-    return rectangle_solid_angle.spherical_rectangle_noinline(
+    return rectangle_solid_angle.spherical_rectangle(
         way, unit_u, unit_v, ops.maximum(half_u, lights.TINY), ops.maximum(half_v, lights.TINY)
     )

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, specialize_if_present
 from ..lanes import ops, row_gather
 from ..simd.registration import overload
 from ..types import Lane, Vec
@@ -255,7 +255,7 @@ def _descend(tree: Tree, below: Any, node: Lane, position: Vec, facing: Any, u: 
 @overload(_descend)
 def _descend_in_kernels(tree, below, node, position, facing, u):
     if below.layout:
-        return lambda tree, below, node, position, facing, u: _descend_levels_noinline(tree, below.levels, node, position, facing, u)
+        return lambda tree, below, node, position, facing, u: _descend_levels(tree, below.levels, node, position, facing, u)
     return lambda tree, below, node, position, facing, u: (node, 1.0 + 0.0 * u)
 
 
@@ -273,9 +273,6 @@ def _descend_levels(tree: Tree, levels: int, node: Lane, position: Vec, facing: 
     return node, share
 
 
-_descend_levels_noinline = noinline_helper(_descend_levels)
-
-
 @helper
 def _left_probability(left: Lane, right: Lane) -> Lane:
     """The probability of the left child; one half if both importances are 0."""
@@ -291,7 +288,7 @@ def _path_importance(tree: Tree, below: Any, leaf: Lane, position: Vec, facing: 
 @overload(_path_importance)
 def _path_importance_in_kernels(tree, below, leaf, position, facing):
     if below.layout:
-        return lambda tree, below, leaf, position, facing: _climb_noinline(tree, below.levels, leaf, position, facing)
+        return lambda tree, below, leaf, position, facing: _climb(tree, below.levels, leaf, position, facing)
     return lambda tree, below, leaf, position, facing: _importance(tree.nodes, leaf + tree.tops, position, facing)
 
 
@@ -307,9 +304,6 @@ def _climb(tree: Tree, levels: int, leaf: Lane, position: Vec, facing: Any) -> L
         share = share * ops.where(to_left, first, 1.0 - first)
         node = parent
     return share * _importance(tree.nodes, node, position, facing)
-
-
-_climb_noinline = noinline_helper(_climb)
 
 
 def facing(below: Any, normal: Vec, both: Lane) -> Any:

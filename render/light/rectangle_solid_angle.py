@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper
 from ..lanes import ops
 from ..types import Lane, Vec
 
@@ -75,6 +75,3 @@ def sample(rect: SphericalRectangle, u: Lane, v: Lane) -> tuple[Lane, Lane]:
     y = h * ops.sqrt(away2) * ops.rsqrt(ops.maximum(1.0 - h * h, 1e-12))
     y = ops.maximum(ops.minimum(y, rect.y1), rect.y0)
     return 2.0 * (x - rect.x0) / (rect.x1 - rect.x0) - 1.0, 2.0 * (y - rect.y0) / (rect.y1 - rect.y0) - 1.0
-
-
-spherical_rectangle_noinline, sample_noinline = noinline_helper(spherical_rectangle), noinline_helper(sample)

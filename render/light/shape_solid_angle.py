@@ -244,7 +244,7 @@ def tube(way: Vec, axis: Vec, radius: Lane, half: Lane) -> Tube:
     bottom, top = ops.minimum(low, low * nearer), ops.maximum(high, high * nearer)
     half_height = 0.5 * (top - bottom)
     middle = ops.add(ops.scale(onward, plane), ops.scale(axis, 0.5 * (bottom + top)))
-    rect = rectangle_solid_angle.spherical_rectangle_noinline(middle, sideways, axis, half_width, half_height)
+    rect = rectangle_solid_angle.spherical_rectangle(middle, sideways, axis, half_width, half_height)
     return Tube(
         rect, onward, sideways, axis, aside, middle, half_width, half_height, plane, apart_, radius, low, high, outside, rect.solid > CAP
     )  # fmt: skip
@@ -269,7 +269,7 @@ def _inverse_density_inside(seen: Tube, out: Vec, direction: Vec, reach2: Lane) 
 @noinline_helper
 def sample_tube(seen: Tube, u: Lane, v: Lane) -> tuple[Vec, Lane, Lane, Lane]:
     """(direction, distance, 1 over the density, cosine) of a sample of a cylinder's side; 0 in place of 1 over the density for misses."""
-    x, y = rectangle_solid_angle.sample_noinline(seen.rect, u, v)
+    x, y = rectangle_solid_angle.sample(seen.rect, u, v)
     x, y = ops.where(seen.even, x, 2.0 * u - 1.0), ops.where(seen.even, y, 2.0 * v - 1.0)
     across = ops.add(ops.scale(seen.sideways, x * seen.half_width), ops.scale(seen.axis, y * seen.half_height))
     direction = ops.normalize(ops.add(seen.middle, across))

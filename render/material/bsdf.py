@@ -9,7 +9,7 @@ import math
 from typing import Any, NamedTuple
 
 from ...materials.thresholds import BRIGHT, FAINT_PEAK, MAX_CAUSTIC_ALPHA, PEAK
-from ..jit.kernel import helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import ops
 from ..light import lights
 from ..simd.registration import overload, types
@@ -20,7 +20,7 @@ from .shader import ONLY, Shader, Uses
 NARROW = 0.04  # greatest α of a lobe that paths follow where photons light the diffuse base under it; at 0.06 neither is better
 
 
-@helper
+@separate_helper
 def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec:
     """Return the share π f cos of a light's I = E⊥/π that goes to the viewer; directions are unit and away from the surface."""
     light = phong.reflected_classic(shader, normal, to_light, to_viewer)
@@ -31,7 +31,7 @@ def reflected(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> Vec
     return rough_dielectric.reflected(shader.frost, light, normal, to_light, to_viewer)
 
 
-@helper
+@separate_helper
 def eval_lobes_pdf(shader: Shader, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Vec, Lane]:
     """`reflected` as (share of diffuse and added lobes, share of highlights, solid angle density of `sample_lobe`)."""
     diffuse, highlight, density = phong.eval_lobes_pdf(shader, normal, to_light, to_viewer)
@@ -156,7 +156,7 @@ def _reflects(lobes: microfacet.Lobes, default: Lane) -> Lane:
 reflects = specialize_if_present(_reflects)
 
 
-@helper
+@separate_helper
 def sample_lobe(shader: Shader, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane) -> tuple[Vec, Vec]:
     """(direction, weight) of a sample of the highlight: `weight` is the share of its radiance that goes to the viewer."""
     classic = microfacet.sample_shine(shader.lobes, phong.sample_classic_lobe(shader, normal, to_viewer, u, v), normal, to_viewer, u, v)
@@ -273,7 +273,7 @@ def diffuse_part(shader: Shader, uses: Uses, normal: Vec, to_viewer: Vec) -> tup
     return albedo, chance
 
 
-@helper
+@separate_helper
 def eval_bsdf_pdf(shader: Shader, uses: Uses, normal: Vec, to_light: Vec, to_viewer: Vec) -> tuple[Vec, Lane]:
     """(`reflected`, solid angle density of `sample_bsdf`) of the lobes that are not specular."""
     cosine = ops.maximum(ops.dot(normal, to_light), 0.0)

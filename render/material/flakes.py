@@ -23,7 +23,7 @@ from ...compiler import ir
 from ...materials import traits
 from .. import camera
 from ..geometry import instance_transform
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import affine, ops
 from ..sampling import flake_tilts
 from ..surface import interaction
@@ -128,7 +128,7 @@ def _nearest(p: Vec, seed: Lane) -> Lane:
     return nearest
 
 
-@noinline_helper
+@separate_helper
 def _flake_at(flakes: Flakes, default: Any, tables: Tables, surface: Surface, facets: Facets) -> Flake:
     size, zero = number_of(tables, surface, SIZE), 0.0 * surface.offset
     here = ops.bool_like(zero, False) | (size > 0.0)

@@ -21,7 +21,7 @@ import math
 from typing import Any, NamedTuple
 
 from ...materials import thresholds
-from ..jit.kernel import helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import energy_compensation, further_bounces, sheen
@@ -204,7 +204,7 @@ class LobeValues(NamedTuple):
     coat_density: Lane
 
 
-@helper
+@separate_helper
 def eval_lobes(lobes: Lobes, normal: Vec, to_light: Vec, to_viewer: Vec, out: Albedos, all_: Layers) -> LobeValues:
     """Evaluate all lobes for a pair of directions; 0 where the light is below the surface."""
     cos_in = ops.dot(normal, to_light)
@@ -250,7 +250,7 @@ def _further(lobes: Lobes, cos_out: Lane, cos_in: Lane, facing: Lane, wide: Lane
     return ops.scale(further_bounces.colour(lobes.f0, lobes.f90, lobes.bend, alpha, s, v, c), wide * factor)
 
 
-@helper
+@separate_helper
 def viewer_albedo(lobes: Lobes, normal: Vec, to_viewer: Vec) -> tuple[Layers, Albedos]:
     """(means, directional albedos) of the viewer's direction."""
     all_ = layers(lobes)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...materials import traits
 from ...materials.thresholds import LOWEST, MAX_CAUSTIC_ALPHA, MAX_REFLECTION_ALPHA
-from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, make_replace, separate_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import ops
 from ..simd.registration import overload
@@ -145,7 +145,7 @@ def step_of(ratio: Lane, weight: Lane) -> Lane:
     return ops.minimum(ops.absolute(ratio - 1.0) / (ratio + 1.0) * ops.sqrt(ops.maximum(weight, 0.0)), dielectric_albedo.STEEPEST)
 
 
-@noinline_helper
+@separate_helper
 def _at(tables: Tables, surface: Surface) -> Slabs:
     materials: Any = tables.materials
     zero = ops.full_like(surface.offset, 0.0)

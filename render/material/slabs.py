@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import (
@@ -293,7 +293,7 @@ def total(chance: Chances) -> Lane:
     return shine_total(chance) + chance.fuzz + chance.matt + chance.body
 
 
-@noinline_helper
+@separate_helper
 def evaluate(slabs: Slabs, normal: Vec, to_light: Vec, to_viewer: Vec) -> Values:
     """All lobes for a pair of directions; 0 where the light is below the surface."""
     cos_in, cos_out = ops.dot(normal, to_light), ops.clip(ops.dot(normal, to_viewer), LEAST, 1.0)
@@ -395,7 +395,7 @@ def _facets_seen(facets: Facets, normal: Vec, half: Vec, to_light: Vec, to_viewe
     return strength, out, anisotropic_facets.visibility(cosines[0], cosines[1], out, into)
 
 
-@noinline_helper
+@separate_helper
 def draw(slabs: Slabs, normal: Vec, to_viewer: Vec, u: Lane, v: Lane, which: Lane, all_: Lane) -> tuple[Vec, Lane]:
     """(direction, whether it counts) of a lobe that `which`, 0 to 1, chooses: among all, or where not `all_`, among the highlights."""
     chance = chances(slabs, normal, to_viewer)[0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...compiler import ir
 from ..geometry import bounds
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import ops
 from ..types import Lane, Vec
 from . import tracking
@@ -176,7 +176,7 @@ def _some(cells: Any, default: bool) -> bool:
 exist = specialize_if_present(_some)  # (cells, False): whether a medium has light samples
 
 
-@noinline_helper
+@separate_helper
 def sample(cells: Any, e: Lane, place: Vec, u: Lane, v: Lane, w: Lane) -> tuple[Vec, Lane]:
     """(direction from a place to a point of row e of the emitter table, its solid angle density)."""
     zero = 0.0 * u
@@ -201,7 +201,7 @@ def sample(cells: Any, e: Lane, place: Vec, u: Lane, v: Lane, w: Lane) -> tuple[
     return direction, density(cells, none + e, place, direction)
 
 
-@noinline_helper
+@separate_helper
 def density(cells: Any, e: Lane, place: Vec, direction: Vec) -> Lane:
     """The solid angle density of `sample`: over the line, the density of points times the squared distance."""
     zero = 0.0 * direction[0]

@@ -11,7 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..geometry import instance_transform
-from ..jit.kernel import helper, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, separate_helper, specialize_if_present
 from ..lanes import affine, ops, row_gather
 from ..sampling import sobol
 from ..texture import procedural
@@ -204,7 +204,7 @@ def _interpolate(fields: Any, number: Lane, p: Vec) -> Lane:
     return low
 
 
-@noinline_helper
+@separate_helper
 def _fly(fields: Any, default: Any, tables: Tables, table: Any, number: Lane, ray: Any, weight: Vec, key: Key) -> Any:
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
@@ -256,7 +256,7 @@ def _fly(fields: Any, default: Any, tables: Tables, table: Any, number: Lane, ra
     )  # fmt: skip
 
 
-@noinline_helper
+@separate_helper
 def _transmit(fields: Any, default: Vec, tables: Tables, table: Any, number: Lane, ray: Any, key: Key) -> Vec:
     inside = fields.density[number] >= 0
     if ops.not_(ops.any_lane(inside)):
@@ -296,7 +296,7 @@ def _transmit(fields: Any, default: Vec, tables: Tables, table: Any, number: Lan
     return ops.where3(inside, factor, default)
 
 
-@noinline_helper
+@separate_helper
 def march(fields: Any, tables: Tables, number: Lane, ray: Any, rate: Vec, steps: int) -> tuple[Lane, Vec]:
     """(column of a density along a ray, integral of the distance · probability density of the first scattering), by midpoints.
 

@@ -55,10 +55,11 @@ def _record_overload(function: Callable[..., Any], choose: Callable[..., Any]) -
 
 
 def record_overload(
-    function: Callable[..., Any], choose: Callable[..., Any], strict: bool = True, inline: bool = True, allocates: bool = False
-) -> None:
-    """Record an overload of `function`, whose signature `strict` compares; `inline` and `allocates` as in render/jit/kernel.py."""
-    RECORDS.append(("overload", (function, choose, strict, inline, allocates)))
+    function: Callable[..., Any], choose: Callable[..., Any], strict: bool = True, inline: bool = True, allocates: bool = False,
+    separate: bool = False,
+) -> None:  # fmt: skip
+    """Record an overload of `function`, whose signature `strict` compares. The others are the kinds of helpers in render/jit/kernel.py."""
+    RECORDS.append(("overload", (function, choose, strict, inline, allocates, separate)))
 
 
 def define(function: Any, typing: Callable[..., Any], emit: Callable[..., Any]) -> None:

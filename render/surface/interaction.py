@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, make_replace, separate_helper, specialize_if_present
 from ..lanes import affine, ops
 from ..texture import textures
 from ..types import Hit, Lane, Ray, Surface, Tables, Vec
@@ -56,7 +56,7 @@ def make_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool = False) -
     return _interaction(tables, ray, hit, instance_transform.transform_at(tables, row, None), mapped)
 
 
-@noinline_helper
+@separate_helper
 def _moving_interaction(tables: Tables, ray: Ray, hit: Hit, mapped: bool) -> Surface:
     """`make_interaction` where an instance moves: each lane has a frame of its own, which would slow down all others."""
     return _interaction(tables, ray, hit, instance_transform.transform_at(tables, instance_transform.row_of(tables, hit), ray.time), mapped)
@@ -99,9 +99,7 @@ def _interaction(tables: Tables, ray: Ray, hit: Hit, frame: instance_transform.F
 
 
 @helper
-def _shape_point(
-    tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, frame: instance_transform.Frame
-) -> HitPoint:
+def _shape_point(tables: Tables, ray: Ray, hit: Hit, t: Lane, kind: Lane, g: Lane, part: Lane, frame: instance_transform.Frame) -> HitPoint:
     """The point of a hit with an analytic shape or a formula surface."""
     world = ops.along(ray.origin, ray.direction, t)
     local = affine.transform_point12(frame.inverse, world)

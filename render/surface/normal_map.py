@@ -21,7 +21,7 @@ from ...compiler import ir
 from ...materials import traits
 from ...materials.contract import Lobes
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import helper, make_replace, noinline_helper
+from ..jit.kernel import helper, make_replace, separate_helper
 from ..jit.packed_struct import HandleType
 from ..lanes import affine, ops
 from ..simd.registration import overload
@@ -228,7 +228,7 @@ def _apply_with_coats(tables: Any, point: Surface, hit: Hit, direction: Vec) -> 
     return _framed(mapped, CoatFrame(None, _coat_normal(tables, point, mapped.normal, hit, direction)))
 
 
-@noinline_helper
+@separate_helper
 def _coat_normal(tables: Tables, point: Surface, base: Vec, hit: Hit, direction: Vec) -> Vec:
     """The normal of the coat at a surface without maps: its own, or that of the base."""
     is_separate = tables.materials.values[point.material, COAT_NORMAL, 2] > 0.0
@@ -256,7 +256,7 @@ def _mapped(tables: Tables, point: Surface, hit: Hit, slot: int, place: instance
     return ops.normalize(ops.in_basis(along, across, outward, x, y, z))
 
 
-@noinline_helper
+@separate_helper
 def _apply_maps(tables: Tables, point: Surface, hit: Hit, direction: Vec) -> Surface:
     turned = tables.materials.textures[point.material, NORMAL] >= 0
     bumped = tables.materials.textures[point.material, BUMP] >= 0

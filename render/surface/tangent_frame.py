@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ...compiler import ir
 from ..geometry import analytic_shapes, instance_transform
-from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, make_replace, separate_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import affine, ops
 from ..simd.registration import overload
@@ -100,7 +100,7 @@ def frame(tangent: Any, normal: Vec) -> tuple[Vec, Vec]:
     return along, ops.cross(normal, along)
 
 
-@noinline_helper
+@separate_helper
 def tangent_at(tables: Tables, point: Surface, hit: Hit) -> Vec:
     """The direction in the world in which u grows and v stays."""
     g = ops.to_int(tables.instances.geometry[point.instance])

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...compiler import ir
 from ...compiler.plan import scene_rules
 from .. import camera
-from ..jit.kernel import helper, make_replace, noinline_helper, specialize_if_present
+from ..jit.kernel import helper, make_replace, separate_helper, specialize_if_present
 from ..jit.packed_struct import HandleType
 from ..lanes import affine, crosslane, ops
 from ..simd.registration import overload, types
@@ -261,7 +261,7 @@ def _places_of_pixel(tables: Any, point: Surface) -> Any:
     return (*right, *below)
 
 
-@noinline_helper
+@separate_helper
 def _on_surface(tables: Any, ray: Ray, hit: Hit, point: Surface, cone: Any) -> Surface:
     zero = 0.0 * point.offset
     spread = (zero, zero, zero, zero)
@@ -442,7 +442,7 @@ def _change_if_used(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[La
     return _mapped_change(tables, way, hit, point)
 
 
-@noinline_helper
+@separate_helper
 def _mapped_change(tables: Any, way: Vec, hit: Hit, point: Surface) -> tuple[Lane, Lane]:
     moved = normal_map.shift_point(tables, point, hit, way, 1.0)
     du, dv = moved.uv[0] - point.uv[0], moved.uv[1] - point.uv[1]

@@ -24,7 +24,7 @@ from ...compiler.texture_graph import evaluate as definition
 from ...compiler.texture_graph.opcodes import CHANNELS, REGISTERS, Op, U, is_graph
 from .. import simd
 from ..formula.llvm_math import LANES
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import crosslane, ops
 from ..simd.llvm_expr import I64
 from ..simd.registration import intrinsic, overload, signature, types
@@ -128,7 +128,7 @@ def _evaluate_filtered_in_kernels(tables, row, surface, spread):
     return lambda tables, row, surface, spread: evaluate(tables, row, (*surface.local, *surface.uv, *surface.local_normal), None)
 
 
-@noinline_helper
+@separate_helper
 def _mean_over_pixel(tables: Any, row: Lane, point: Inputs, spread: Any) -> Vec:
     """The mean over a parallelogram around a point."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])
@@ -252,7 +252,7 @@ def _span_in_kernels(lookups, k, widths):
     return lambda lookups, k, widths: None
 
 
-@noinline_helper
+@separate_helper
 def _picture(tables: Any, row: Lane, s: Lane, t: Lane, span: Any) -> Rgba:
     """A picture at s, t; with a span, in the level whose texels are that wide."""
     textures = tables.textures

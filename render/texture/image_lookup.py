@@ -6,7 +6,7 @@ from typing import Any
 
 from ...compiler import ir
 from .. import simd
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import ops
 from ..simd.registration import overload
 from ..types import Lane, Tables
@@ -33,7 +33,7 @@ def look_up_level(tables: Any, image: Lane, level: Lane, s: Lane, t: Lane, wraps
     return _bilinear(tables, first, width, height, s, t, wraps[0], wraps[1], nearest)
 
 
-@noinline_helper
+@separate_helper
 def _bilinear(tables: Tables, first: Lane, width: Lane, height: Lane, s: Lane, t: Lane, wrap_u: Lane, wrap_v: Lane, nearest: Lane) -> Rgba:
     half = ops.where(nearest, 0.0, 0.5)
     x, y = s * width - half, (1.0 - t) * height - half
@@ -58,7 +58,6 @@ def mix_texels(texels: Any, rows: Rgba, weights: Rgba) -> Rgba:
 @overload(mix_texels)
 def _mix_texels_in_kernels(texels, rows, weights):
     if isinstance(rows[0], simd.Vector) and rows[0].bits == 32:
-
         return lambda texels, rows, weights: _mix_by_rows(texels, rows, weights)
     return lambda texels, rows, weights: (
         _mix(texels, rows, weights, 0), _mix(texels, rows, weights, 1), _mix(texels, rows, weights, 2), _mix(texels, rows, weights, 3)

@@ -17,7 +17,7 @@ from llvmlite import ir as lir
 from ...compiler import ir
 from .. import simd
 from ..formula.llvm_math import DIRECT, LANES, POINTER
-from ..jit.kernel import noinline_helper
+from ..jit.kernel import separate_helper
 from ..lanes import crosslane, ops
 from ..simd.llvm_expr import I64
 from ..simd.registration import intrinsic, make_array, overload, signature, types
@@ -44,7 +44,7 @@ def link(tables: ir.Tables) -> None:
 # --- over a footprint --------------------------------------------------------------------------------------------
 
 
-@noinline_helper
+@separate_helper
 def _mean_over_pixel(tables: Any, row: Lane, p: Vec, spread: Any) -> Vec:
     """The mean over a parallelogram around p."""
     right, down = (spread[4], spread[5], spread[6]), (spread[7], spread[8], spread[9])

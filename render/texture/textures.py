@@ -17,7 +17,7 @@ import math
 from typing import Any, NamedTuple
 
 from ...compiler import ir
-from ..jit.kernel import helper, noinline_helper
+from ..jit.kernel import helper, separate_helper
 from ..lanes import ops
 from ..simd.registration import overload, types
 from ..types import Lane, Surface, Tables, Vec
@@ -52,7 +52,7 @@ def value(tables: Tables, texture: Lane, surface: Surface) -> Vec:
     return _value(tables, texture, spot)
 
 
-@noinline_helper
+@separate_helper
 def _value(tables: Tables, texture: Lane, surface: Spot) -> Vec:
     textures = tables.textures
     row = ops.maximum(texture, 0)
@@ -250,7 +250,7 @@ def _coordinate_spans(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Sp
     return u0, v0, u1, v1
 
 
-@noinline_helper
+@separate_helper
 def _coordinate_change(tables: Any, row: Lane, uv: tuple[Lane, Lane], surface: Spot, way: Vec) -> tuple[Lane, Lane]:
     """Change of u and v along a displacement from a point in the instance's frame."""
     moved = Spot(ops.add(surface.local, way), surface.local_normal, surface.uv, surface.metric, surface.instance, None)
@@ -272,7 +272,7 @@ def _image(tables: Tables, row: Lane, s: Lane, t: Lane, spans: Any) -> Rgba:
     return _over_pixel(tables, row, image, s, t, wraps, spans)
 
 
-@noinline_helper
+@separate_helper
 def _over_pixel(tables: Any, row: Lane, image: Lane, s: Lane, t: Lane, wraps: Any, spans: Any) -> Rgba:
     """An image filtered over the ellipse of a pixel: samples along its long axis, in levels selected by the short one.
 

@@ -18,7 +18,7 @@ from ... import simd
 from ...accel import photon_grid
 from ...accel.photon_grid import FIRST, LANES, LEVELS, LISTED, LISTS, MAPS, Lists
 from ...jit import thread_pool
-from ...jit.kernel import helper, kernel, noinline_helper, specialize_if_present
+from ...jit.kernel import helper, kernel, separate_helper, specialize_if_present
 from ...lanes import crosslane, ops, row_gather
 from ...lanes.soa import PAD, compress_store
 from ...material import medium_stack
@@ -276,7 +276,7 @@ def _inverse(x: float) -> float:
     return 1.0 / x if abs(x) > 1e-18 else (1e18 if x >= 0.0 else -1e18)
 
 
-@noinline_helper
+@separate_helper
 def _gather(beams, table, segment, active, sample):
     """The light that beams send along rays, at their origin."""
     number = (sample + (sample >> 4) * 5) & (MAPS - 1)
@@ -312,7 +312,7 @@ def _gather(beams, table, segment, active, sample):
     return _add_listed(beams, table, segment, light, lists)
 
 
-@noinline_helper
+@separate_helper
 def _add_listed(beams, table, segment, light, lists):
     """Add the light of the listed pieces, and empty the lists."""
     zero = ops.int_like(segment.near, 0)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...accel import photon_grid
 from ...accel.photon_grid import FIRST, LEVELS, MAPS, PRESENCE, WIDER, Chosen
-from ...jit.kernel import helper, kernel, noinline_helper
+from ...jit.kernel import helper, kernel
 from ...lanes import crosslane, ops
 from ...material import bsdf
 from ...material.shader import Shader, Uses
@@ -251,7 +251,7 @@ def _bsdf_share(lanes: Lane, diffuse_only: Lane, shader: Shader, uses: Uses, nor
     if (uses.glossy or uses.sharp) and ops.any_lane(lanes & bsdf.has_more_than_diffuse(shader)):
         share = bsdf.eval_diffuse(shader, normal, toward, viewer)
         if ops.any_lane(lanes & ops.not_(diffuse_only)):
-            share = ops.where3(diffuse_only, share, _reflected(shader, normal, toward, viewer))
+            share = ops.where3(diffuse_only, share, bsdf.reflected(shader, normal, toward, viewer))
         return share
     return ops.scale(shader.diffuse, ops.maximum(ops.dot(normal, toward), 0.0))
 
@@ -269,5 +269,4 @@ def _is_near(maps: Any, first: int, off: Vec, normal: Vec, like: Lane) -> Lane:
     return (ops.dot(off, off) * inverse < WIDER) & (height * height * inverse < WIDER * FLATNESS * FLATNESS)
 
 
-_reflected = noinline_helper(bsdf.reflected)
 _gather = photon_grid.gatherer(_probe, _is_near, _photon_light)

@@ -148,18 +148,18 @@ def test_code_that_needs_unknown_symbols_counts_as_missing(tmp_path: Path, monke
     assert kernel_cache.read("kernel-a-b.kernel") is None
 
 
-NO_TUPLE = b'{"name":"n","entry":"e","function":"f","result":["named","os","path",[],[]],"needs":[]}'
+NO_TUPLE = b'{"name":"n","entry":"e","function":"f","result":["named","os","path",[],[]],"needs":[],"helpers":[]}'
 
 
 def with_header(header: bytes) -> bytes:
     """A file of a header, without code: a line, a digest of 16 bytes, the header's length, the header."""
     body = struct.pack("<I", len(header)) + header
-    return b"maquette kernel 1\n" + hashlib.blake2b(body, digest_size=16).digest() + body
+    return b"maquette kernel 2\n" + hashlib.blake2b(body, digest_size=16).digest() + body
 
 
 def test_the_format_of_a_file() -> None:
-    header = {"name": "n", "entry": "e", "function": "f", "result": CODE.result.plain, "needs": []}
-    assert kernel_file.unpacked("n", with_header(json.dumps(header).encode())) == Code("e", "f", CODE.result, (), b"")
+    header = {"name": "n", "entry": "e", "function": "f", "result": CODE.result.plain, "needs": [], "helpers": ["g.helper"]}
+    assert kernel_file.unpacked("n", with_header(json.dumps(header).encode())) == Code("e", "f", CODE.result, (), b"", ("g.helper",))
 
 
 @pytest.mark.parametrize("header", [b"{}", b"[]", b"{", NO_TUPLE])

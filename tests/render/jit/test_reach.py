@@ -31,6 +31,8 @@ def compile_kernel(function, kinds, folder, before=compiler.compile_kernel):
     reach = cache_key.reach(module, function.__qualname__.partition(".")[0])
     kernel = f"{module}.{function.__qualname__}"
     for each in compiled:  # a fragment is compiled once, so later kernels add only what those before them did not need
+        if each.__module__ is None:  # made by exec: its key has its code
+            continue
         place = each.__module__.partition(".")[2], each.__qualname__.partition(".")[0]
         if each.__module__.startswith("maquette.") and place not in reach:
             missing.add(f"{kernel} is compiled from {place[0]}.{place[1]}")

@@ -225,18 +225,21 @@ mean_lost = specialize_if_present(_mean_lost, _is_active)
 # --- tabulation ----------------------------------------------------------------------------------------------------------------------
 
 
-def tables_of(indices: F64, passing: NDArray[np.bool_], general: bool) -> AnisotropicTables:
-    """The tables, with those of rough boundaries of the materials that let light pass, by their (materials,) indices.
+def tables_of(indices: F64, passing: NDArray[np.bool_], uneven: NDArray[np.bool_]) -> AnisotropicTables:
+    """The tables of materials by their (materials,) indices: of rough boundaries, where `passing` and `uneven` ones share an index.
 
-    `general`: no facets have two roughnesses, and tables of zeros suffice.
+    `passing`: light passes them; their indices in order are those of rough_dielectric.AlbedoTables. `uneven`: they have two roughnesses.
+    Without any of these, tables of zeros, which general kernels do not read.
     """
-    if general:
-        empty, mean = np.zeros((CELLS, 4)), np.zeros((ROWS * RATIOS, 4))
-        return AnisotropicTables(empty, empty, empty, mean, np.zeros((2 * CELLS, 4)), np.zeros((2 * ROWS * RATIOS, 4)))
-    e, b, again, mean = _plain_tables()
-    used = np.unique(np.where(passing, indices, indices[passing][0])) if passing.any() else []
-    boundaries = [_boundary(float(index)) for index in used] or [(np.zeros((2 * CELLS, 4)), np.zeros((2 * ROWS * RATIOS, 4)))]
-    return AnisotropicTables(e, b, again, mean, np.concatenate([t[0] for t in boundaries]), np.concatenate([t[1] for t in boundaries]))
+    used = np.unique(np.where(passing, indices, indices[passing][0])) if passing.any() else indices[:1]
+    tabled = np.isin(used, indices[passing & uneven])
+    none = np.zeros((2 * CELLS, 4)), np.zeros((2 * ROWS * RATIOS, 4))
+    boundaries = [_boundary(float(index)) if needed else none for index, needed in zip(used, tabled, strict=True)]
+    lost, lost_mean = np.concatenate([t[0] for t in boundaries]), np.concatenate([t[1] for t in boundaries])
+    if not uneven.any():
+        empty = np.zeros((CELLS, 4))
+        return AnisotropicTables(empty, empty, empty, np.zeros((ROWS * RATIOS, 4)), lost, lost_mean)
+    return AnisotropicTables(*_plain_tables(), lost, lost_mean)
 
 
 def _surfaces() -> list[tuple[int, float, float, float]]:

@@ -88,13 +88,13 @@ def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
     if not (traits.slabs(tables) & traits.used(tables)).any():
         return NoSlabs()
     used = traits.used(tables)
-    uneven = (traits.anisotropic(tables) & used).any()
-    turned = tangent_frame.Turned(1) if general or uneven else tangent_frame.Round()
+    uneven = traits.anisotropic(tables) & used
+    turned = tangent_frame.Turned(1) if general or uneven.any() else tangent_frame.Round()
     films = Films(1) if general or (traits.filmed(tables) & used).any() else NoFilms()
     passing = traits.passed(tables) & used
     indices = _relative_indices(tables)
     boundaries = rough_dielectric.tables_of_indices(indices, passing) if general or passing.any() else None
-    albedos = anisotropic_albedo.tables_of(indices, passing, not uneven) if general or uneven else anisotropic_albedo.NoAnisotropy()
+    albedos = anisotropic_albedo.tables_of(indices, passing, uneven) if general or uneven.any() else anisotropic_albedo.NoAnisotropy()
     passages = NoPassages() if boundaries is None else Passages(boundaries)
     of_flakes = flakes.tables_of(tables, general)
     return SlabTables(energy_compensation.table(), dielectric_albedo.table(), turned, films, passages, of_flakes, albedos)

@@ -39,7 +39,7 @@ def sent(facets, angle, turn, index=None):
 @pytest.mark.parametrize(("alpha", "anisotropy", "angle", "turn"), FACETS)
 def test_the_albedo_of_a_mirror(alpha, anisotropy, angle, turn):
     facets, place = place_of(alpha, anisotropy, angle, turn)
-    tables = anisotropic_albedo.tables_of(np.array([1.5]), np.array([False]), False)
+    tables = anisotropic_albedo.tables_of(np.array([1.5]), np.array([False]), np.array([True]))
     read, true = float(anisotropic_albedo._read(tables.albedo, 0, place)[0]), sent(facets, angle, turn)
     assert true - 0.004 <= read <= true + 0.02, (read, true)
 
@@ -47,7 +47,7 @@ def test_the_albedo_of_a_mirror(alpha, anisotropy, angle, turn):
 @pytest.mark.parametrize(("alpha", "anisotropy", "angle", "turn"), FACETS)
 def test_the_loss_of_a_boundary(alpha, anisotropy, angle, turn):
     facets, place = place_of(alpha, anisotropy, angle, turn)
-    tables = anisotropic_albedo.tables_of(np.array([1.5]), np.array([True]), False)
+    tables = anisotropic_albedo.tables_of(np.array([1.5]), np.array([True]), np.array([True]))
     for side, index in enumerate((1.5, 1 / 1.5)):
         read = float(anisotropic_albedo._read(tables.lost, side * anisotropic_albedo.CELLS, place)[0])
         true = 1 - sent(facets, angle, turn, index)
@@ -62,6 +62,13 @@ def test_nearly_round_facets_are_nearly_those_of_round_ones():
         assert shares[0] == pytest.approx(shares[1], abs=0.02), kind
 
 
-def test_tables_of_round_materials_are_not_computed():
-    tables = anisotropic_albedo.tables_of(np.array([1.5]), np.array([True]), True)
-    assert not any(table.any() for table in tables)
+def test_only_what_has_two_roughnesses_is_tabulated():
+    """Three indices in order, of which materials of lines have the second."""
+    indices, passing = np.array([1.7, 1.3, 1.5, 1.5]), np.array([True, True, True, False])
+    nothing = anisotropic_albedo.tables_of(indices, passing, np.zeros(4, bool))
+    assert not any(table.any() for table in nothing)
+    tables = anisotropic_albedo.tables_of(indices, passing, np.array([False, False, True, True]))
+    filled = tables.lost.reshape(3, -1).any(axis=1)
+    assert filled.tolist() == [False, True, False]
+    assert tables.lost_mean.reshape(3, -1).any(axis=1).tolist() == [False, True, False]
+    assert tables.albedo.any()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from ... import ir
 from ...formula.opcodes import Op
 from ...formula.tape import X, Y, Z
 from ...scene.builder import NONE, SceneBuilder
-from ...scene.row_records import TextureData
+from ...scene.row_records import Input, TextureData
 from ...texture_graph.graph_builder import GraphBuilder, TooLarge
 from ...texture_graph.opcodes import NORMAL_X, NORMAL_Y, NORMAL_Z, U, V
 from .. import images
@@ -23,6 +23,7 @@ from ..materialx.evaluator import Evaluator, Names, NotDrawn
 from ..materialx.graph import COUNTS, Node, Port
 from .assets import asset
 from .shaders import materialx
+from .shaders.graphs import FLAKES
 from .shaders.network import Fit, Graph
 from .stage import Warnings, primvar_mean
 
@@ -124,6 +125,7 @@ class Bent:
     normal: int = NONE
     bump: int = NONE
     strength: tuple[float, float] = (1.0, 1.0)
+    flakes: Mapping[ir.Slot, Input] = field(default_factory=dict)  # of slabs
 
 
 def bent(host: FileHost, graph: Graph, span: Span) -> Bent:
@@ -131,6 +133,8 @@ def bent(host: FileHost, graph: Graph, span: Span) -> Bent:
     evaluator, node = Evaluator(host), graph.node
     try:
         category = library.category(node)
+        if category in FLAKES:
+            return Bent(flakes=_flakes(host, evaluator, graph, span))
         if category == "bump":
             return _of_heights(host, evaluator, node, evaluator.scalar(node, "scale", 1.0), span)
         if category == "normalmap":
@@ -150,6 +154,28 @@ def bent(host: FileHost, graph: Graph, span: Span) -> Bent:
     except (NotDrawn, TooLarge) as reason:
         host.tell(f"{reason}: the surface's own normal is drawn", node.place)
         return Bent()
+
+
+def _flakes(host: FileHost, evaluator: Evaluator, graph: Graph, span: Span) -> dict[ir.Slot, Input]:
+    """Flakes of the base: cells of a lattice with sides of `size`, tilts of GGX by `roughness`, and the share of cells that have one."""
+    node, place = graph.node, evaluator.input(graph.node, "position", 3)
+    if library.category(node) == "flake2d":
+        host.tell("the flakes of a flake2d lie in the frame of the object: its size counts in units of that, not of u and v", node.place)
+    elif place != (X, Y, Z):
+        host.tell(f"the flakes of {node.definition} lie in the frame of the object: its input `position` is not drawn", node.place)
+    size = evaluator.fixed(node, "size", 0.01)
+    if not size > 0.0:
+        host.tell(f"the flakes of {node.definition} have no size: they are not drawn", node.place)
+        return {}
+    slots = {ir.Slot.FLAKE_SIZE: Input.number(size)}
+    for slot, name in ((ir.Slot.FLAKE_TILT, "roughness"), (ir.Slot.FLAKE_COVERAGE, "coverage")):
+        value = evaluator.scalar(node, name)
+        number = evaluator.builder.number(value)
+        if number is None:
+            slots[slot] = Input.number(1.0, _texture(host, graph, evaluator.builder, [value], span))
+        else:
+            slots[slot] = Input.number(min(max(number, 0.0), 1.0))
+    return slots
 
 
 def _of_heights(host: FileHost, evaluator: Evaluator, node: Node, scale: int, span: Span, name: str = "height") -> Bent:

@@ -196,17 +196,21 @@ class Materials:
             rows = slabs.Rows(reader, arithmetic, network.name, span, metres, maps, prim, reader.tell)
             threshold = min(max(self._mean_of(i.get("opacityThreshold", 0.0), 0.0, prim), 0.0), 1.0)
             return rows.row({**i, "base_color": network.white} if fit.colored else i, self._opacity(i["opacity"], prim), threshold)
-        normal, bump = self._normals(i["normal"], prim)
+        maps = self._normals(i["normal"], prim)
+        if ir.Slot.FLAKE_SIZE in maps:
+            self.tell("flakes are drawn on surfaces of OpenPBR and standard_surface alone", prim)
         diffuse = self._color(network.white if fit.colored else i["diffuseColor"], DEFAULT_COLOR, prim)
         specular = None
         if int(self._mean_of(i["useSpecularWorkflow"], 0.0, prim)):
             specular = self._color(i["specularColor"], (0.0, 0.0, 0.0), prim)
         threshold = min(max(self._mean_of(i["opacityThreshold"], 0.0, prim), 0.0), 1.0)
         numbers = {name: self._number(i[key], float(_FALLBACKS[key]), prim) for name, key in _NUMBERS.items()}
+        numbers["occlusion"] = replace(numbers["occlusion"], value=nonnegative(numbers["occlusion"].value))
         surface = metallic_roughness.Surface(
             diffuse, specular=specular, emissive=self._color(i["emissiveColor"], (0.0, 0.0, 0.0), prim),
             opacity=self._opacity(i["opacity"], prim), threshold=threshold,
-            highlights_stay=threshold <= 0 and str(i["opacityMode"]) != "presence", normal=normal, bump=bump,
+            highlights_stay=threshold <= 0 and str(i["opacityMode"]) != "presence",
+            normal=maps.get(ir.Slot.NORMAL), bump=maps.get(ir.Slot.BUMP),
             sheen=self._color(i.get("sheenColor", BLACK), BLACK, prim),
             sheen_roughness=self._number(i.get("sheenRoughness", 0.0), 0.0, prim), transmission=0.0, name=network.name, **numbers,
         )  # fmt: skip
@@ -236,22 +240,27 @@ class Materials:
             self.tell("a colour of this prim's material is not finite: its default is drawn", prim)
         return Input(self.without_negatives(sources.rgb(resolved, fallback), prim, "a colour of this prim's material"))
 
-    def _normals(self, source: Any, prim: Any) -> tuple[Input | None, Input | None]:
-        """A normal map and a map of heights; None for absent ones."""
+    def _normals(self, source: Any, prim: Any) -> dict[ir.Slot, Input]:
+        """The slots of a normal map, a map of heights, or flakes; none for absent ones."""
         if not isinstance(source, Graph):
-            return self._normal(source, prim), None
+            normal = self._normal(source, prim)
+            return {} if normal is None else {ir.Slot.NORMAL: normal}
         bent = graph_textures.bent(self._host(prim), source, self.opened.span(source.node.place))
-        normal = None if bent.normal == NONE else Input((*bent.strength, 1.0), bent.normal)
-        return normal, None if bent.bump == NONE else Input.number(1.0, bent.bump)
+        slots = dict(bent.flakes)
+        if bent.normal != NONE:
+            slots[ir.Slot.NORMAL] = Input((*bent.strength, 1.0), bent.normal)
+        if bent.bump != NONE:
+            slots[ir.Slot.BUMP] = Input.number(1.0, bent.bump)
+        return slots
 
     def _coat_normal(self, source: Any, prim: Any) -> dict[ir.Slot, Input]:
         """The slot of a coat with a normal of its own."""
         if source is None:
             return {}
-        normal, bump = (None, None) if isinstance(source, str) else self._normals(source, prim)
-        if bump is not None:
-            self.tell("heights of a coat are not drawn: it is smooth", prim)
-        return {ir.Slot.COAT_NORMAL: slabs.SMOOTH_COAT if normal is None else normal}
+        slots = {} if isinstance(source, str) else self._normals(source, prim)
+        if slots.keys() - {ir.Slot.NORMAL}:
+            self.tell("heights and flakes of a coat are not drawn: it is smooth", prim)
+        return {ir.Slot.COAT_NORMAL: slots.get(ir.Slot.NORMAL, slabs.SMOOTH_COAT)}
 
     def _normal(self, source: Any, prim: Any) -> Input | None:
         """A normal map; None if its image is missing. Without scale and bias, values 0 to 1 are read as −1 to 1."""
@@ -288,7 +297,7 @@ class Materials:
             return Input.number(1.0, texture) if texture != NONE else Input.number(fallback)
         if isinstance(source, Primvar) and source.name == self._fit.number:
             return Input.number(1.0, vertex_numbers.texture(self.builder))
-        return Input.number(self._mean_of(source, 1.0, prim))
+        return Input.number(max(self._mean_of(source, 1.0, prim), 0.0))
 
     def _number(self, source: Any, fallback: float, prim: Any) -> Input:
         """A number, the channel of a connected texture, or the primvar that is the mesh's u."""
@@ -426,8 +435,7 @@ class _Reader:
         return self.materials._mean_of(source, fallback, self.prim)
 
     def maps(self, inputs: Mapping[str, Any]) -> dict[ir.Slot, Input]:
-        normal, bump = self.materials._normals(inputs[slabs.NORMAL], self.prim)
-        maps = {slot: each for slot, each in ((ir.Slot.NORMAL, normal), (ir.Slot.BUMP, bump)) if each is not None}
+        maps = self.materials._normals(inputs[slabs.NORMAL], self.prim)
         return maps | self.materials._coat_normal(inputs.get(slabs.COAT_NORMAL), self.prim)
 
     def tell(self, message: str) -> None:

@@ -173,11 +173,14 @@ SHADERS = Table(
         "ND_surface ND_surface_unlit ND_layer_bsdf ND_mix_bsdf ND_add_bsdf ND_multiply_bsdfF ND_multiply_bsdfC ND_layer_vdf": (
             "graphs of the BSDFs below; mixtures by a texture are blends"
         ),
+        "ND_mix_surfaceshader ND_convert_*_surfaceshader ND_dot_surfaceshader": "blends of surfaces, each with its normal map",
+        "ND_add_edf ND_mix_edf ND_multiply_edfF ND_multiply_edfC": "emission",
         "ND_oren_nayar_diffuse_bsdf ND_burley_diffuse_bsdf ND_translucent_bsdf ND_subsurface_bsdf": "diffuse bases, sheets and bodies",
         "ND_dielectric_bsdf ND_conductor_bsdf ND_generalized_schlick_bsdf ND_sheen_bsdf ND_uniform_edf": (
             "highlights, coats, metals, fuzz and emission, with thin films"
         ),
         "ND_UsdPreviewSurface_surfaceshader ND_UsdUVTexture ND_UsdTransform2d ND_UsdPrimvarReader_*": "as those of USD",
+        "ND_flake3d ND_flake2d": "as the normal of a surface",
         "ND_image_* ND_tiledimage_*": "pictures with address modes and the colour space of the file's metadata",
         "ND_texcoord_* ND_geompropvalue_* ND_place2d_vector2": "",
         "ND_*": "the other nodes of textures, as tapes: see [materialx.md](materialx.md)",
@@ -187,7 +190,7 @@ SHADERS = Table(
         "UsdPrimvarReader_matrix": "",
         "HwPrimvar_1 HwUvTexture_1 HwPtexTexture_1 HwFieldReader_*": "",
         "ND_viewdirection_vector3 ND_facingratio_float ND_tangent_vector3 ND_bitangent_vector3": "in textures",
-        "ND_flake2d ND_flake3d ND_hextilednormalmap_vector3 ND_blur_* ND_chiang_hair_bsdf": "",
+        "ND_hextilednormalmap_vector3 ND_blur_* ND_chiang_hair_bsdf": "",
     },
 )
 

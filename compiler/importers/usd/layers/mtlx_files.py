@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import codecs
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from pxr import Sdf, Tf, Usd, UsdShade
+from pxr import Gf, Sdf, Tf, Usd, UsdShade
 
 from .....lang.diagnostics import Diagnostics, Span
 from ....io.regular_files import read_bytes
@@ -32,6 +33,9 @@ _TYPES = {
 _CLOSURES = ("BSDF", "EDF", "VDF", "surfaceshader", "displacementshader", "volumeshader", "material")
 _ROOT = Sdf.Path("/MaterialX/Materials")
 MOST_INCLUDES = 64
+MOST_DEPTH = 120  # nodes and node graphs one behind the other
+_PREFIX = re.compile(rb"</?([A-Za-z_][\w.-]*):[A-Za-z_]")
+_NUMBERS = ("float", "integer", "boolean", "color3", "color4", "vector2", "vector3", "vector4")
 
 
 def layer(path: Path, diagnostics: Diagnostics) -> Any:
@@ -81,7 +85,7 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
 
 def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
     """The elements of a document and of the documents that it includes, in or below its folder."""
-    root = ElementTree.fromstring(_without_blanks(read_bytes(path)))
+    root = _elements(read_bytes(path))
     folder, read = path.parent.resolve(), {path.resolve()}
     waiting = [(root, path.parent)]
     while waiting:
@@ -95,7 +99,7 @@ def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
                 warn(f"the document `{child.get('href')}` lies outside of the folder of `{path.name}`: it is left out")
                 continue
             try:
-                included = ElementTree.fromstring(_without_blanks(read_bytes(file)))
+                included = _elements(read_bytes(file))
             except (ElementTree.ParseError, OSError, ValueError, LookupError) as failure:
                 warn(f"the document `{child.get('href')}` cannot be read: {failure}")
                 continue
@@ -104,6 +108,19 @@ def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
             root.extend(each for each in included if each.tag.rpartition("}")[2] != "include")
     for element in root.iter("node"):  # the long form of 1.39
         element.tag = element.get("nodetype") or "node"
+    return root
+
+
+def _elements(data: bytes) -> ElementTree.Element:
+    """The root of a document. Prefixes of nodes are names of MaterialX, which documents need not declare as those of XML."""
+    text = _without_blanks(data)
+    prefixes = {prefix.decode() for prefix in _PREFIX.findall(text)} - {"xi", "xml"}
+    declared = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in sorted(prefixes) if f"xmlns:{prefix}=".encode() not in text)
+    root = ElementTree.fromstring(re.sub(rb"<materialx\b", b"<materialx" + declared.encode(), text, count=1))
+    for element in root.iter():
+        space, _, name = element.tag.removeprefix("{").rpartition("}")
+        if space in prefixes:
+            element.tag = f"{space}:{name}"
     return root
 
 
@@ -123,10 +140,21 @@ class _Document:
     definitions: set[str]  # names of those of the document itself
     warn: Callable[[str], None]
     copied: set[Any] = field(default_factory=set)  # paths of prims
+    depth: int = 0
 
     def source(self, port: Any, scope: Any, scope_path: Any) -> Any:
         """The path of the output that feeds an input or output of `scope`, whose prim is `scope_path`; None for none."""
         output = port.getAttribute("output") or "out"
+        if self.depth >= MOST_DEPTH:
+            self.warn(f"more than {MOST_DEPTH} nodes feed each other, or a node feeds itself: the input takes its default")
+            return None
+        self.depth += 1
+        try:
+            return self._source(port, output, scope, scope_path)
+        finally:
+            self.depth -= 1
+
+    def _source(self, port: Any, output: str, scope: Any, scope_path: Any) -> Any:
         if name := port.getAttribute("nodegraph"):
             graph = scope.getChild(name) or self.document.getNodeGraph(name)
             if graph is None:
@@ -139,6 +167,10 @@ class _Document:
         node = scope.getChild(name)
         if node is None:
             self.warn(f"there is no node `{name}`: the input that it feeds takes its default")
+            return None
+        types = node.getType(), port.getType()
+        if types[0] != types[1] and "multioutput" not in types and not all(each in _NUMBERS for each in types):
+            self.warn(f"the node `{name}` gives a {types[0]}, where a {types[1]} is wanted: the input takes its default")
             return None
         return self.output(node, output, scope, scope_path)
 
@@ -156,8 +188,14 @@ class _Document:
             self.copied.add(path)
             shader = UsdShade.Shader.Define(self.stage, path)
             shader.CreateIdAttr(definition.getName() if definition is not None else f"ND_{node.getCategory()}_{node.getType()}")
+            written = definition if definition is not None else library.document().getNodeDef(str(shader.GetIdAttr().Get()))
             for port in node.getInputs():
-                self._input(shader, port, scope, scope_path)
+                defined = written.getActiveInput(port.getName()) if written is not None else None
+                types = port.getType(), port.getType() if defined is None else defined.getType()
+                if types[0] != types[1]:
+                    self.warn(f"the input `{port.getName()}` of `{node.getName()}` is a {types[0]}, not a {types[1]}: it takes its default")
+                else:
+                    self._input(shader, port, scope, scope_path)
         UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(name, Sdf.ValueTypeNames.Token)
         return path.AppendProperty(f"outputs:{name}")
 
@@ -205,4 +243,6 @@ class _Document:
         value = library.plain(port.getValue(), type_)
         if value is None:
             self.warn(f"`{text[:40]}` is not of the type {type_}: the input takes its default")
+        elif type_.startswith("matrix"):
+            return Gf.Matrix3d(*value) if type_ == "matrix33" else Gf.Matrix4d(*value)
         return value

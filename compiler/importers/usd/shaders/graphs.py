@@ -22,6 +22,7 @@ from .network import Graph
 Tell = Callable[[str, Any], None]
 HANDLER_MODULES = (elementary, patterns, physical, pictures)  # importing them registers their nodes
 OWN_NORMAL = "ND_normal_vector3"  # as the source of a normal it changes nothing
+FLAKES, FLAKE_NORMAL = ("flake2d", "flake3d"), "flakenormal"
 _BENT = ("normalmap", "bump", "heighttonormal", "hextilednormalmap")
 
 
@@ -83,7 +84,7 @@ class Graphs:
         if library.definition(node.definition) is None:
             self.tell(f"the shader `{node.definition}` is not drawn: the input it feeds takes its default", node.place)
             return fallback
-        if library.category(node) in _BENT:
+        if library.category(node) in _BENT or (library.category(node) in FLAKES and output == FLAKE_NORMAL):
             return self._of_normals(node).graph(node, output, "vector3")
         trial = Trial(self.tell)
         evaluator = Evaluator(trial)

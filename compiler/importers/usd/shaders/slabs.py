@@ -30,6 +30,7 @@ Tell = Callable[[str], None]
 KEY, NORMAL = "slabs", "normal"  # of Network.inputs: a surface of slabs; its normal
 _COAT = "geometry_coat_normal"
 _OPAQUE = {"transmission_weight": 0.0, "subsurface_weight": 0.0}
+_INDICES = ("specular_ior", "coat_ior", "thin_film_ior")
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
 
@@ -269,6 +270,11 @@ class Rows:
 
         Glass with dispersion is a material of its own, and so is a body whose colour has a texture.
         """
+        for name in _INDICES:
+            value, default = numbers(inputs[name]), openpbr.NUMBERS[name][1]
+            if value is not None and not value.min() > 0.0:
+                self.tell(f"the input `{name}` is not above 0: {default:g} is drawn")
+                inputs = {**inputs, name: default}
         solid = not inputs[THIN]
         clear, spread = (not is_zero(inputs[name]) and solid for name in ("transmission_weight", "subsurface_weight"))
         if clear and self._dispersion(inputs) > 0.0:

@@ -6,7 +6,7 @@ from maquette.compiler import ir
 from maquette.compiler.importers.usd.shaders import schlick
 
 from .stages import slot
-from .test_closures import CONDUCTOR, joined, surface
+from .test_closures import CONDUCTOR, joined, opened, surface
 from .test_materialx import drawn
 from .test_scattering import DIFFUSE, bsdf, model_of
 
@@ -168,3 +168,69 @@ def test_grazing_colours_and_exponents_are_drawn_or_told(tmp_path):
     inputs = "color3f inputs:color0 = (0.1, 0.1, 0.1)\nfloat inputs:exponent = 2"
     _, messages = surface(tmp_path, bsdf("g", "ND_generalized_schlick_bsdf", inputs), "g")
     assert any("is drawn within 0." in message and "`exponent`" in message for message in messages)
+
+
+# --- documents that are wrong -------------------------------------------------------------------------------------------
+
+SURFACE = (
+    '<standard_surface name="S" type="surfaceshader">{}</standard_surface>'
+    '<surfacematerial name="M" type="material"><input name="surfaceshader" type="surfaceshader" nodename="S"/></surfacematerial>'
+)
+COLOR = '<input name="base_color" type="color3" nodename="{}"/>'
+CHAIN = "".join(f'<add name="n{k}" type="color3"><input name="in1" type="color3" nodename="n{k + 1}"/></add>' for k in range(3000))
+WRONG = {  # a document, and a part of its warning
+    "a chain": (CHAIN + SURFACE.format(COLOR.format("n0")), "more than 120 nodes feed each other"),
+    "a definition by itself": (
+        '<nodedef name="ND_my" node="my"><output name="out" type="color3"/></nodedef><nodegraph name="NG_my" nodedef="ND_my">'
+        '<my name="i" type="color3"/><output name="out" type="color3" nodename="i"/></nodegraph><my name="w" type="color3"/>'
+        + SURFACE.format(COLOR.format("w")), "more than 120 nodes feed each other"),
+    "a text as a colour": (SURFACE.format('<input name="base_color" type="string" value="red"/>'), "is a string, not a color3"),
+    "a matrix as a colour": (
+        '<constant name="a" type="matrix33"><input name="value" type="matrix33" value="1,0,0,0,1,0,0,0,1"/></constant>'
+        + SURFACE.format(COLOR.format("a")), "gives a matrix33, where a color3 is wanted"),
+    "an index of 0": (SURFACE.format('<input name="specular_IOR" type="float" value="0"/>'), "`specular_ior` is not above 0: 1.5 is drawn"),
+    "flakes without a size": (
+        '<flake3d name="f" type="multioutput"><input name="size" type="float" value="0"/></flake3d>'
+        + SURFACE.format('<input name="normal" type="vector3" nodename="f" output="flakenormal"/>'), "have no size: they are not drawn"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_material_is_told_and_the_others_are_drawn(tmp_path, name):
+    text, told = WRONG[name]
+    good = SURFACE.format('<input name="base_color" type="color3" value="0,0.5,0"/>').replace('"S"', '"G"').replace('"M"', '"Good"')
+    (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}{good}</materialx>')
+    scene, messages = opened(tmp_path / "m.mtlx")
+    assert len(messages) == 1
+    assert told in messages[0]
+    assert np.isclose(scene.tables.materials.values[:, ir.Slot.DIFFUSE], [0, 0.5, 0]).all(axis=1).any()
+
+
+def test_prefixes_of_nodes_need_no_declaration(tmp_path):
+    text = (
+        '<nodedef name="ns:ND_my" node="ns:my"><output name="out" type="color3"/></nodedef><nodegraph name="ns:NG_my" nodedef="ns:ND_my">'
+        '<constant name="i" type="color3"><input name="value" type="color3" value="1,0,0"/></constant>'
+        '<output name="out" type="color3" nodename="i"/></nodegraph><ns:my name="w" type="color3"/>'
+    )
+    inputs = '<input name="base" type="float" value="1"/>' + COLOR.format("w")
+    (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}{SURFACE.format(inputs)}</materialx>')
+    scene, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    assert np.isclose(scene.tables.materials.values[:, ir.Slot.DIFFUSE], [1, 0, 0]).all(axis=1).any()
+
+
+# --- flakes -------------------------------------------------------------------------------------------------------------
+
+
+def test_flakes_of_materialx_are_ours(tmp_path):
+    """Size in units of the object, tilts and coverage; the coat stays smooth."""
+    nodes = """def Shader "f" { uniform token info:id = "ND_flake3d"
+        float inputs:size = 0.02
+        float inputs:roughness = 0.3
+        float inputs:coverage = 0.7
+        float3 outputs:flakenormal }"""
+    inputs = "float inputs:metalness = 1\nfloat inputs:coat = 1\nfloat3 inputs:normal.connect = </m/f.outputs:flakenormal>"
+    scene, messages = drawn(tmp_path, inputs, nodes=nodes)
+    assert messages == []
+    assert [slot(scene, f"FLAKE_{name}")[0] for name in ("SIZE", "TILT", "COVERAGE")] == pytest.approx([0.02, 0.3, 0.7])
+    assert slot(scene, "COAT_NORMAL")[2] > 0

@@ -52,7 +52,7 @@ class _Writer:
     def text(self) -> str:
         objects = list(outline.statements(list(self._items())))
         lights = [self.lights.text(row) for row in self._own_lights()]
-        if not len(self.tables.lights.kind) and not self._is_lit():
+        if not lights and not (self.tables.lights.instance >= 0).any() and not self._is_lit():
             lights = ["sky(luminance: 0)  // no light but what emits"]
         scene = self.job.scene
         size = self.job.plan["size"]

@@ -264,6 +264,12 @@ def test_normal_maps_by_checkers_and_formulas_come_back(tmp_path: Path, material
         np.testing.assert_allclose(getattr(first, column), getattr(again, column), atol=1e-6)
 
 
+@pytest.mark.parametrize("light", ["ambient(color: #000000)", "point([0, 3, 0], intensity: 0)", "sky(luminance: 0)"])
+def test_a_dark_scene_stays_dark(tmp_path: Path, light: str) -> None:
+    target, _ = converted(written(tmp_path, "a.scene", f"sphere(1)\n{light}\n"))
+    assert not load(target).tables.lights.color.any()
+
+
 def test_light_links_come_back(tmp_path: Path) -> None:
     text = """group(name: "room") { sphere(1, name: "left") sphere(1, translate: [3, 0, 0], name: "right [new]") }
         box(1, translate: [0, 3, 0], name: "top")

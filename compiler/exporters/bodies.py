@@ -19,6 +19,7 @@ from .export import Export
 from .placement import F64
 
 PLANE_REACH = 20.0  # radii of the scene: half the side of the square that stands for an endless plane
+_RINGS = 1.0, 2.0, 4.0, 8.0, 16.0, PLANE_REACH  # half sides of squares, in radii: pictures of patterns are finer near the scene
 ROUNDING = 3.0 * 2.0**-24  # of a distance from the origin: a position and a matrix of float32 numbers
 
 
@@ -93,10 +94,22 @@ class Bodies:
         x, _, z = (np.linalg.inv(matrix) @ [*self.middle, 1.0])[:3]
         reach = PLANE_REACH * self.radius / min(np.linalg.norm(matrix[:3, :3], axis=0))
         self.out.note(f"an endless plane is carried as a square of {2 * PLANE_REACH * self.radius:.3g} m", "instances", i)
-        corners = np.array([[x - reach, 0, z - reach], [x - reach, 0, z + reach], [x + reach, 0, z + reach], [x + reach, 0, z - reach]])
-        triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-        normals = np.tile([0.0, 1.0, 0.0], (4, 1))
-        return Shell(corners, triangles, normals, corners[:, [0, 2]] * [1.0, -1.0], np.ones((2, 2)))
+        halves = reach / PLANE_REACH * np.array(_RINGS) if self._has_pattern(i) else np.array([reach])
+        corners = np.array([[x + a * half, 0.0, z + b * half] for half in halves for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1))])
+        triangles = [[0, 1, 2], [0, 2, 3]]
+        for inner in range(0, len(corners) - 4, 4):
+            for k in range(4):
+                a, b = inner + k, inner + (k + 1) % 4
+                triangles += [[a, a + 4, b + 4], [a, b + 4, b]]
+        normals = np.tile([0.0, 1.0, 0.0], (len(corners), 1))
+        metric = np.ones((len(triangles), 2))
+        return Shell(corners, np.array(triangles, np.int32), normals, corners[:, [0, 2]] * [1.0, -1.0], metric)
+
+    def _has_pattern(self, i: int) -> bool:
+        """Whether the material of an instance has a pattern, or is a blend."""
+        row, textures = int(self.tables.instances.material[i]), self.tables.textures
+        used = self.tables.materials.textures[row]
+        return bool((textures.kind[used[used >= 0]] == ir.TextureKind.FORMULA).any()) or bool(traits.has(self.tables, Lobes.PARTS)[row])
 
     def _rows(self, i: int, shell: Shell, matrix: F64) -> NDArray[np.int64]:
         row = int(self.tables.instances.material[i])

@@ -27,7 +27,7 @@ class Atlas(NamedTuple):
 
     width: int
     height: int
-    density: float  # texels a unit of length, along the planes of charts
+    density: float  # texels a unit of length, along the planes of charts; of fineness 1
     coordinates: F64  # (m, 3, 2) u and v of corners, v up
     texels: Rows  # (k,) texels that show a point
     triangle: Rows  # (k,) its triangle
@@ -55,9 +55,12 @@ class _Shown(NamedTuple):
     hidden: Rows
 
 
-def make_atlas(positions: F64, triangles: NDArray[np.int32], side: int) -> Atlas | None:
-    """The atlas of a mesh with positions (n, 3), at most `side` texels wide and high; None where the charts are too many for it."""
-    charts, corners = make_charts(positions, triangles), positions[triangles]
+def make_atlas(positions: F64, triangles: NDArray[np.int32], side: int, fineness: F64 | None = None) -> Atlas | None:
+    """The atlas of a mesh with positions (n, 3), at most `side` texels wide and high; None where the charts are too many for it.
+
+    `fineness`: see make_charts.
+    """
+    charts, corners = make_charts(positions, triangles, fineness), positions[triangles]
     if not (charts.chart >= 0).any():
         return None
     coarse = max(side // _COARSE, 1)
@@ -289,4 +292,5 @@ def _divided(charts: Charts, hidden: Rows, singly: bool = False) -> Charts:
     kinds, numbers = (sources, np.arange(len(hidden))) if singly else np.unique(sources, return_inverse=True)
     chart = charts.chart.copy()
     chart[hidden] = len(charts.frames) + numbers.ravel()
-    return charts._replace(chart=chart, frames=np.concatenate([charts.frames, charts.frames[kinds]]))
+    frames, fineness = (np.concatenate([column, column[kinds]]) for column in (charts.frames, charts.fineness))
+    return charts._replace(chart=chart, frames=frames, fineness=fineness)

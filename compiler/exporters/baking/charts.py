@@ -20,12 +20,14 @@ class Charts(NamedTuple):
     chart: Rows  # (m,) of each triangle; -1 of one without area
     frames: F64  # (c, 3, 3) of each chart: unit vectors along its u, along its v, and its axis
     shared: Rows  # (e, 2) pairs of sides that lie on each other; side 3 t + k of triangle t begins at its corner k
+    fineness: F64  # (c,) factors of the density of texels
 
     def flat(self, corners: F64) -> F64:
         """(m, 3, 3) u, v and height of corners (m, 3, 3); those without a chart are at 0."""
         placed = np.zeros(corners.shape)
         used = self.chart >= 0
-        placed[used] = np.einsum("mcj,mkj->mkc", self.frames[self.chart[used]], corners[used])
+        frames = self.frames[self.chart[used]] * self.fineness[self.chart[used], None, None]
+        placed[used] = np.einsum("mcj,mkj->mkc", frames, corners[used])
         return placed
 
     @property
@@ -38,8 +40,12 @@ class Charts(NamedTuple):
         return np.logical_not(inner.reshape(-1, 3).all(axis=1))
 
 
-def make_charts(positions: F64, triangles: NDArray[np.int32]) -> Charts:
-    """The charts of a mesh with positions (n, 3): each grows from its largest triangle over edges, as far as STEEPEST allows."""
+def make_charts(positions: F64, triangles: NDArray[np.int32], fineness: F64 | None = None) -> Charts:
+    """The charts of a mesh with positions (n, 3): each grows from its largest triangle over edges, as far as STEEPEST allows.
+
+    `fineness` (m,) are factors of the density of texels on triangles; a chart has one.
+    """
+    fine = np.ones(len(triangles)) if fineness is None else fineness
     corners = positions[triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(cross, axis=1)
@@ -47,9 +53,10 @@ def make_charts(positions: F64, triangles: NDArray[np.int32]) -> Charts:
     is_flat = ~(doubled > _TINY * longest) | ~np.isfinite(doubled)
     normals = np.divide(cross, doubled[:, None], out=np.zeros_like(cross), where=~is_flat[:, None])
     shared = _shared_sides(positions, triangles)
-    chart, seeds = _grown(normals, doubled, is_flat, shared // 3)
+    pairs = shared // 3
+    chart, seeds = _grown(normals, doubled, is_flat, pairs[fine[pairs[:, 0]] == fine[pairs[:, 1]]])
     frames = _frames(normals[seeds], corners[seeds], corners, chart)
-    return Charts(chart, frames, shared)
+    return Charts(chart, frames, shared, fine[seeds])
 
 
 def _shared_sides(positions: F64, triangles: NDArray[np.int32]) -> Rows:

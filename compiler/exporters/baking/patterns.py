@@ -67,7 +67,8 @@ class _Job(NamedTuple):
     shell: Shell
     stretch: F64  # (3,)
     slots: list[ir.Slot]
-    area: float  # m²
+    area: float  # m², times the square of the fineness
+    fineness: F64 | None  # (m,) of the triangles; see make_charts
 
 
 def bodies_of(out: Export, converters: Converters, side: int) -> Bodies:
@@ -88,7 +89,8 @@ def bake(out: Export, bodies: list[Body], converters: Converters, style: Style) 
                 key = keys[k, part] = (body.key, part, stretch.astype(np.float32).tobytes())
                 if key not in jobs:
                     shell = part_of(body.shell, chosen)
-                    jobs[key] = _Job(row, body.instance, shell, stretch, slots, _area(shell, stretch))
+                    fineness = _fineness(out.scene.tables, body.instance, shell)
+                    jobs[key] = _Job(row, body.instance, shell, stretch, slots, _area(shell, stretch, fineness), fineness)
     if not jobs:
         return Baked(out, bodies, {})
     bakery = _Bakery(out, converters)
@@ -115,9 +117,18 @@ def _slots(tables: ir.Tables, row: int, style: Style) -> list[ir.Slot]:
     return sorted(needed)
 
 
-def _area(shell: Shell, stretch: F64) -> float:
+def _fineness(tables: ir.Tables, instance: int, shell: Shell) -> F64 | None:
+    """Factors of the density of texels on an endless plane, which falls with the distance from its middle; None of other shapes."""
+    if tables.geometries.kind[tables.instances.geometry[instance]] != ir.GeometryKind.PLANE:
+        return None
+    away = np.abs(shell.positions - shell.positions.mean(axis=0)).max(axis=1)[shell.triangles].max(axis=1)
+    return np.exp2(np.round(np.log2(away.min() / away)))
+
+
+def _area(shell: Shell, stretch: F64, fineness: F64 | None) -> float:
     a, b, c = (shell.positions[shell.triangles[:, k]] * stretch for k in range(3))
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return float((areas if fineness is None else areas * fineness**2).sum())
 
 
 def _sides(areas: list[float], side: int) -> list[int]:
@@ -162,7 +173,7 @@ class _Bakery:
         """The row of the material of a job, with pictures in place of its patterns."""
         m = self.tables.materials
         is_mixed = m.model[job.row] == ir.MaterialModel.BLEND
-        atlas = make_atlas(job.shell.positions * job.stretch, job.shell.triangles, side)
+        atlas = make_atlas(job.shell.positions * job.stretch, job.shell.triangles, side, job.fineness)
         if atlas is None:
             self.out.cannot(NO_ROOM, "materials", job.row, _HINT)
             return next(mixture.parts_of(self.tables, job.row)) if is_mixed else job.row

@@ -77,6 +77,16 @@ def test_texels_show_their_points(name: str) -> None:
     assert np.linalg.norm(total - expected, axis=1).max() * atlas.density < 0.25
 
 
+def test_a_plane_is_finer_in_the_middle(tmp_path: Path) -> None:
+    """Texels within a radius of the scene are less than a quarter of those of one density for the whole square of 40 radii."""
+    text = f"sphere(1)\nplane(y: -1, material: lambert({NOISE}))\n"
+    file, said = converted(tmp_path, text, ".glb", "--bake", "128")
+    tables = load(file).tables
+    side = max(np.ptp(tables.geometries.bounds[g], axis=0).max() for g in tables.instances.geometry)
+    width = float(said.split(" texels of ")[1].split(" mm")[0]) / 1000
+    assert width < side / 128 / 4
+
+
 def test_meshes_without_a_picture() -> None:
     assert make_atlas(np.zeros((3, 3)), np.array([[0, 1, 2]]), 64) is None  # no area
     assert make_atlas(*soup(500), 32) is None  # 500 rectangles of nine texels

@@ -129,21 +129,31 @@ class Graphs:
 
     def node(self, shader: Any) -> Node:
         """The node of a shader, with those that feed it."""
+        waiting: list[Any] = []
+        result = self._begun(shader, waiting)
+        while waiting:
+            begun = waiting.pop()
+            node = self.nodes[str(begun.GetPath())]
+            for shader_input in begun.GetInputs():
+                if (port := self._port(shader_input, waiting)) is not None:
+                    node.inputs[str(shader_input.GetBaseName())] = port
+        return result
+
+    def _begun(self, shader: Any, waiting: list[Any]) -> Node:
+        """The node of a shader; one without inputs, to read later, for a shader that is new."""
         path = str(shader.GetPath())
         if path not in self.nodes:
-            node = self.nodes[path] = Node(str(shader.GetPath().name), str(shader.GetIdAttr().Get()), {}, shader.GetPrim())
-            for shader_input in shader.GetInputs():
-                if (port := self.port(shader_input)) is not None:
-                    node.inputs[str(shader_input.GetBaseName())] = port
+            self.nodes[path] = Node(str(shader.GetPath().name), str(shader.GetIdAttr().Get()), {}, shader.GetPrim())
+            waiting.append(shader)
         return self.nodes[path]
 
-    def port(self, shader_input: Any) -> Port | None:
+    def _port(self, shader_input: Any, waiting: list[Any]) -> Port | None:
         """An input: a value, or the output of a node; None without either."""
         kind = _TYPES.get(str(shader_input.GetTypeName()), "float")
         for attribute in shader_input.GetValueProducingAttributes():
             source = UsdShade.Shader(attribute.GetPrim())
             if source and UsdShade.Output.IsOutput(attribute):
-                return Port(kind, source=self.node(source), output=str(attribute.GetName()).rpartition(":")[2])
+                return Port(kind, source=self._begun(source, waiting), output=str(attribute.GetName()).rpartition(":")[2])
             value = attribute.Get(self.time)
             if value is not None:
                 return Port(kind, _plain(self.linear(attribute, value), kind), space=str(attribute.GetColorSpace() or ""))

@@ -172,3 +172,19 @@ def test_a_number_of_vertices_is_u_of_a_graph(tmp_path):
     inputs = "float inputs:specular_roughness.connect = </m/q.outputs:out>\nfloat inputs:base_metalness.connect = </m/w.outputs:out>"
     scene, messages = scene_of(tmp_path, inputs, nodes, mesh("a", wear))
     assert (messages, value(scene, 0, (0, 0, 0), of="ROUGHNESS")) == ([], pytest.approx([0.25**2]))
+
+
+@pytest.mark.parametrize("kind", ["ND_add_color3", "ND_mix_surfaceshader"])
+def test_long_chains_of_shaders_are_told(tmp_path, kind):
+    """3000 shaders one behind the other: more than Python may call."""
+    surface = kind.endswith("surfaceshader")
+    end, type_ = ("bg", "token") if surface else ("in1", "color3f")
+    nodes = "".join(
+        f'def Shader "n{k}" {{ uniform token info:id = "{kind}"\n{type_} inputs:{end}.connect = </m/n{k + 1}.outputs:out>\n'
+        f"{type_} outputs:out }}\n" for k in range(3000)
+    )  # fmt: skip
+    text = MATERIAL.format(inputs=f"{type_} inputs:{end if surface else 'base_color'}.connect = </m/n0.outputs:out>", nodes=nodes)
+    text = text.replace("ND_open_pbr_surface_surfaceshader", kind) if surface else text
+    _, messages = read(tmp_path, text + mesh("a"))
+    assert len(messages) == 1
+    assert "feed each other" in messages[0]

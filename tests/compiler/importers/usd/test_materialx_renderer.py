@@ -1,7 +1,8 @@
 """Balls in an environment against MaterialX's own renderer of generated GLSL: mean colours of its pictures.
 
 The environment is a formula. The other pictures are of MaterialX 1.39.5, PyMaterialXRenderGlsl with 48 samples of filtered importance
-sampling: 64 by 64 pixels, a ball of radius 1 from 5 m with a view of 26°. The means are over the disc of 0.96 of the ball's radius.
+sampling, by Mesa's driver softpipe where facets are rough metal: 64 by 64 pixels, a ball of radius 1 from 5 m with a view of 26°. The
+means are over the disc of 0.96 of the ball's radius.
 """
 
 # pyright: reportOptionalMemberAccess=false
@@ -52,11 +53,13 @@ def Camera "cam"
 """
 ANGLE, SIZE = np.radians(13), 32
 METAL, ROUGH = "float inputs:base_metalness = 1", "float inputs:specular_roughness = "
-BALLS = {  # of PhysicallyBased (CC0): inputs, mean colour of MaterialX's picture
+BALLS = {  # most of PhysicallyBased (CC0): inputs, mean colour of MaterialX's picture
     "aluminum": (f"color3f inputs:base_color = (0.916, 0.923, 0.924)\n{METAL}\n{ROUGH}0\n"
                  "color3f inputs:specular_color = (0.91, 0.936, 0.959)", (0.7325, 0.7630, 0.8454)),
     "brick": (f"color3f inputs:base_color = (0.262, 0.095, 0.061)\n{ROUGH}0.9", (0.1800, 0.0836, 0.0710)),
     "car paint": (f"color3f inputs:base_color = (0.1, 0.1, 0.1)\n{ROUGH}0", (0.1279, 0.1338, 0.1500)),
+    "rough gold": (f"color3f inputs:base_color = (1, 0.766, 0.336)\n{METAL}\n{ROUGH}0.5\n"
+                   "color3f inputs:specular_color = (1, 0.98, 0.9)", (0.7429, 0.5803, 0.2764)),
     "bone": (f"color3f inputs:base_color = (0.793, 0.793, 0.664)\n{ROUGH}0.9", (0.5083, 0.5572, 0.5559)),
 }  # fmt: skip
 

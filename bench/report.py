@@ -18,7 +18,10 @@ from ..render.simd.target import cores
 from . import harness
 
 RESULTS = Path(__file__).resolve().parent / "RESULTS.md"
-ORDER = ("rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "live", "imports", "cluster", "cores")
+ORDER = (
+    "rays", "build", "paths", "raster", "formulas", "edits", "start", "threads", "procedural", "slabs", "live", "imports", "cluster",
+    "cores",
+)  # fmt: skip
 """Of the sections; others follow in the order of their names."""
 HEAD = """# Benchmarks: measured results
 

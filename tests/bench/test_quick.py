@@ -21,6 +21,7 @@ PEERS = {
     "threads": {},
     "cores": {},
     "procedural": {},
+    "slabs": {},
     "imports": {},
     "cluster": {},
     "live": {"chromium": ("material, file", "orbit")},

@@ -11,7 +11,7 @@ from ...compiler import ir
 from ...compiler.mesh.shells import SurfacePoints
 from ..texture import graphs, textures
 
-_BATCH = 1 << 17  # points at once: their values stay in the cache
+_BATCH = 1 << 14  # points at once: their values stay in the cache
 
 
 def make_texture_look_up(tables: ir.Tables) -> Callable[[int, int, SurfacePoints], NDArray[np.float64]]:

@@ -24,8 +24,8 @@ def make_texture_look_up(tables: ir.Tables) -> Callable[[int, int, SurfacePoints
         values = np.empty((len(points.local), 3))
         for first in range(0, len(values), _BATCH):
             local, _, faces, uvs = (column[first : first + _BATCH] for column in points)
-            ones, rows = np.ones(len(local)), np.zeros(len(local), np.int64)
-            spot = textures.Spot(tuple(local.T), tuple(faces.T), tuple(uvs.T), (ones, ones), rows + instance, None)  # type: ignore[arg-type]
+            unit, rows = np.ones(len(local)), np.zeros(len(local), np.int64)
+            spot = textures.Spot(tuple(local.T), tuple(faces.T), tuple(uvs.T), (unit, unit), rows + instance, None)  # type: ignore[arg-type]
             with np.errstate(all="ignore"):
                 values[first : first + _BATCH] = np.stack(textures.value(linked[0], rows + texture, spot), axis=1)  # type: ignore[arg-type]
         return values

@@ -355,12 +355,12 @@ class Walk:
     def _has_color(self, prim: Any) -> bool:
         return primvar_mean(prim, DISPLAY_COLOR, self.opened.time)[0] is not None
 
-    def _material(self, network: Network | None, prim: Any, fit: Fit, matrix: np.ndarray, own: np.ndarray | None = None) -> int:
+    def _material(self, network: Network | None, prim: Any, fit: Fit, matrix: np.ndarray, shape_matrix: np.ndarray | None = None) -> int:
         radiance = lights.mesh_radiance(prim, matrix, self.unit, self.opened, self.materials)
         if network is not None and network.displaced and str(prim.GetTypeName()) not in MESHES:
             self.materials.tell("displacement is drawn on meshes alone", prim)
         if network is not None and radiance is None:
-            return self.materials.row(network, prim, fit, matrix if own is None else matrix @ own)
+            return self.materials.row(network, prim, fit, matrix if shape_matrix is None else matrix @ shape_matrix)
         color, colors = (np.ones(3), 1) if fit.colored else primvar_mean(prim, DISPLAY_COLOR, self.opened.time)
         opacity, opacities = primvar_mean(prim, DISPLAY_OPACITY, self.opened.time)
         if colors > 1:

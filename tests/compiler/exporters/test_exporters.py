@@ -303,9 +303,9 @@ def test_mitsuba_has_the_highlight_of_gltf(model: str, factor: float, tmp_path: 
 )
 def test_a_roughness_that_varies_is_carried_to_mitsuba_as_its_mean(texture: str, alpha: float, loss: str, tmp_path: Path) -> None:
     (tmp_path / "ball.scene").write_text(f'sphere(1, material: metal("gold", roughness: {texture}))\npoint(position: [0, 3, 0])\n')
-    done = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.xml")])
-    assert done.exit_code == 0, done.stderr
-    assert loss in done.stderr
+    result = CliRunner().invoke(cli, ["convert", str(tmp_path / "ball.scene"), str(tmp_path / "ball.xml")])
+    assert result.exit_code == 0, result.stderr
+    assert loss in result.stderr
     width = ElementTree.parse(tmp_path / "ball.xml").find(".//bsdf[@type='roughconductor']/float[@name='alpha']")
     assert width is not None
     assert float(width.get("value", "nan")) == pytest.approx(alpha)

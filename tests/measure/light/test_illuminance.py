@@ -91,9 +91,9 @@ def test_light_beyond_the_limit_on_bounces_is_in_the_error() -> None:
 def test_light_of_many_collisions_in_a_body_is_in_the_value_or_the_error(color: float) -> None:
     """64 bounces gave 0.82 of the light for 0.9. The colour of a body is its albedo within 0.5 %."""
     body = f"box([200, 20, 200], center: [0, -11, 0], material: subsurface(rgb({color}, {color}, {color}), radius: 2cm))"
-    found = read(f"directional(from: [0, 1, 0], illuminance: 100lx)\n{body}\nmeter([0, -0.5, 0], facing: [0, -1, 0])")[0].mean
-    assert abs(found.value - 100 * color) <= found.error + 0.5 * color, found
-    assert found.error < 6.0 * color
+    mean = read(f"directional(from: [0, 1, 0], illuminance: 100lx)\n{body}\nmeter([0, -0.5, 0], facing: [0, -1, 0])")[0].mean
+    assert abs(mean.value - 100 * color) <= mean.error + 0.5 * color, mean
+    assert mean.error < 6.0 * color
 
 
 @pytest.mark.parametrize("far", [0, 50, 5000])

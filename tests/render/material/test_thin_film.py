@@ -58,9 +58,9 @@ def test_colors_are_those_of_airys_formula(film, base):
 def test_films_on_metals_at_sixty_thicknesses(film, base, off, grazing):
     """An index of 39 reflects 0.9 at normal incidence, 10 0.67, 5 0.44. The brighter both boundaries, the more the fourth term matters."""
     for thickness in np.linspace(0.02, 1.2, 60):
-        for cosine, most in ((1.0, off), (0.8, off), (0.5, 0.045), (0.2, grazing)):
+        for cosine, tolerance in ((1.0, off), (0.8, off), (0.5, 0.045), (0.2, grazing)):
             color = thin_film.reflectance(np.float64(cosine), film, thickness, (base, base, base))
-            assert np.allclose(color, np.clip(airy(cosine, film, thickness, base), 0.0, 1.0), atol=most), (thickness, cosine)
+            assert np.allclose(color, np.clip(airy(cosine, film, thickness, base), 0.0, 1.0), atol=tolerance), (thickness, cosine)
 
 
 def test_a_film_without_thickness_is_none():

@@ -298,7 +298,7 @@ class Rows:
 
     def _slabs(self, inputs: Mapping[str, Any], medium: int = -1) -> MaterialData:
         slots = {
-            slot: self._share(self.reader.number(inputs[name], default), most) for name, (slot, default, most, _) in openpbr.NUMBERS.items()
+            slot: self._share(self.reader.number(inputs[name], default), high) for name, (slot, default, high, _) in openpbr.NUMBERS.items()
         }
         slots |= {slot: self.reader.color(inputs[name], (grey, grey, grey)) for name, (slot, grey, _) in openpbr.COLORS.items()}
         if max(slots[Slot.SPECULAR].value) > 1.0:

@@ -16,7 +16,7 @@ def Material "m" {{ token outputs:mtlx:surface.connect = </m/s.outputs:out>
     {nodes}
 }}
 """
-MESH = 'def Mesh "{name}" (prepend apiSchemas = ["MaterialBindingAPI"]) {{\n rel material:binding = </m>\n{more}\n{square}\n}}\n'
+MESH = 'def Mesh "{name}" (prepend apiSchemas = ["MaterialBindingAPI"]) {{\n rel material:binding = </m>\n{primvars}\n{square}\n}}\n'
 POSITION = """def Shader "p" {{ uniform token info:id = "ND_{kind}_vector3"
         string inputs:space = "{space}"
         float3 outputs:out }}
@@ -34,8 +34,8 @@ def scene_of(tmp_path, inputs, nodes, meshes, header=""):
     return read(tmp_path, MATERIAL.format(inputs=inputs, nodes=nodes) + meshes, header)
 
 
-def mesh(name, more="", square=SQUARE):
-    return MESH.format(name=name, more=more, square=square)
+def mesh(name, primvars="", square=SQUARE):
+    return MESH.format(name=name, primvars=primvars, square=square)
 
 
 def value(scene, instance, point, normal=(0.0, 0.0, 1.0), of="DIFFUSE"):
@@ -86,8 +86,8 @@ def test_places_of_prototypes_are_told(tmp_path):
         point3f[] positions = [(0, 0, 0), (5, 0, 0)]
         """ + mesh("a") + "}\n"  # fmt: skip
     _, messages = scene_of(tmp_path, BASE.format("c"), POSITION.format(kind="position", space="world"), copies)
-    told = "a point in the space `world` is drawn as that in the frame of the object: it has several places"
-    assert [message.partition("warning: ")[2] for message in messages] == [told]
+    expected = "a point in the space `world` is drawn as that in the frame of the object: it has several places"
+    assert [message.partition("warning: ")[2] for message in messages] == [expected]
 
 
 def test_the_normal_of_the_surface_as_a_normal_is_nothing(tmp_path):

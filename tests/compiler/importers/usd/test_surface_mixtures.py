@@ -75,13 +75,13 @@ def test_emission_of_each_surface_of_a_mixture_stays(tmp_path):
     assert (messages, below[ir.Slot.EMISSION].tolist(), above[ir.Slot.EMISSION].tolist()) == ([], [1, 2, 3], [2, 2, 2])
 
 
-@pytest.mark.parametrize("other", ["", shader("q", "ND_wonder_surfaceshader", "")])
-def test_a_mixture_with_a_surface_that_is_not_drawn_shows_the_other_one(tmp_path, other):
+@pytest.mark.parametrize("undrawn", ["", shader("q", "ND_wonder_surfaceshader", "")])
+def test_a_mixture_with_a_surface_that_is_not_drawn_shows_the_other_one(tmp_path, undrawn):
     nodes = shader("p", "ND_standard_surface_surfaceshader", "float inputs:base = 0.5")
-    scene, messages = mixed(tmp_path, nodes + other)
+    scene, messages = mixed(tmp_path, nodes + undrawn)
     assert slot(scene, "DIFFUSE") == pytest.approx([0.4] * 3)
-    told = "the surface shader `ND_wonder_surfaceshader` is not drawn: the others of its mixture are"
-    assert [message.partition("warning: ")[2] for message in messages] == [told] * bool(other)
+    expected = "the surface shader `ND_wonder_surfaceshader` is not drawn: the others of its mixture are"
+    assert [message.partition("warning: ")[2] for message in messages] == [expected] * bool(undrawn)
 
 
 def test_a_mixture_of_itself_is_told(tmp_path):
@@ -103,8 +103,8 @@ def test_an_emission_alone_shines(tmp_path):
         ("ND_add_edf", {"in1": "e", "in2": "f"}, [4, 4, 4]),
         ("ND_mix_edf", {"fg": "e", "bg": "f"}, [2.5, 2, 1.5]),
     ):
-        more = "\nfloat inputs:mix = 0.25" if "mix" in kind else ""
-        every = nodes + joined("l", kind, more, **ends)
+        weight = "\nfloat inputs:mix = 0.25" if "mix" in kind else ""
+        every = nodes + joined("l", kind, weight, **ends)
         scene, messages = drawn(tmp_path, "token inputs:edf.connect = </m/l.outputs:out>", "ND_surface", every)
         assert (slot(scene, "EMISSION"), messages) == (pytest.approx(expected), [])
 
@@ -143,8 +143,8 @@ CASES = [((0.5, 0.3, 0.1), (1, 1, 1), (0.6, 0.6, 0.6), 5.0, 1e-6), ((0.04,) * 3,
          ((0.2,) * 3, (1, 1, 1), (1, 1, 1), 7.0, 0.05), ((0.2,) * 3, (1, 1, 1), (0.5, 0.2, 0.3), 5.0, 0.4)]  # fmt: skip
 
 
-@pytest.mark.parametrize(("f0", "f82", "f90", "power", "most"), CASES)
-def test_the_metal_has_the_reflectances_of_materialx(f0, f82, f90, power, most):
+@pytest.mark.parametrize(("f0", "f82", "f90", "power", "tolerance"), CASES)
+def test_the_metal_has_the_reflectances_of_materialx(f0, f82, f90, power, tolerance):
     """Within the error that the fit states, at all angles; exact at 0° and, but for clipped tints, at 81.8°."""
     fit = schlick.fitted(f0, f82, f90, power)
     assert fit is not None
@@ -152,7 +152,7 @@ def test_the_metal_has_the_reflectances_of_materialx(f0, f82, f90, power, most):
     drawn_metal = fit.scale * schlick.reflectance(cosine, np.array(fit.color), np.array(fit.tint), white, 5.0)
     expected = schlick.reflectance(cosine, np.array(f0), np.array(f82), np.array(f90), power)
     error = np.abs(drawn_metal - expected).max()
-    assert error <= most
+    assert error <= tolerance
     assert error <= fit.error * 1.02 + 1e-9
     assert drawn_metal[-1] == pytest.approx(f0)
 
@@ -197,12 +197,12 @@ WRONG = {  # a document, and a part of its warning
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_material_is_told_and_the_others_are_drawn(tmp_path, name):
-    text, told = WRONG[name]
+    text, message = WRONG[name]
     good = SURFACE.format('<input name="base_color" type="color3" value="0,0.5,0"/>').replace('"S"', '"G"').replace('"M"', '"Good"')
     (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}{good}</materialx>')
     scene, messages = opened(tmp_path / "m.mtlx")
     assert len(messages) == 1
-    assert told in messages[0]
+    assert message in messages[0]
     assert np.isclose(scene.tables.materials.values[:, ir.Slot.DIFFUSE], [0, 0.5, 0]).all(axis=1).any()
 
 

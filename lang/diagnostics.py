@@ -101,10 +101,16 @@ class Diagnostics:
             raise SceneError(self.items)
 
 
+_MISSPELT, _SIMILAR = 0.8, 0.6  # similarity of words as difflib measures it
+_SUGGESTED = 2  # names that have the word as a part
+
+
 def suggest(word: str, names: Iterable[str]) -> str:
-    """`did you mean …?` for a misspelt word; an empty string without a similar known word."""
-    near = difflib.get_close_matches(word, list(names), n=1, cutoff=0.6)
-    return f"did you mean `{near[0]}`?" if near else ""
+    """`did you mean …?` for a misspelt word, or for a part of names, as of `polished_brass`; an empty string without a similar name."""
+    known = list(names)
+    near = difflib.get_close_matches(word, known, n=1, cutoff=_MISSPELT) or [name for name in known if word in name.split("_")]
+    near = near[:_SUGGESTED] or difflib.get_close_matches(word, known, n=1, cutoff=_SIMILAR)
+    return f"did you mean {' or '.join(f'`{name}`' for name in near)}?" if near else ""
 
 
 def sort_diagnostics(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from maquette.lang.diagnostics import Diagnostic, Span, render_text
+from maquette.lang.diagnostics import Diagnostic, Span, render_text, suggest
 
 
 @pytest.mark.parametrize(
@@ -24,3 +24,17 @@ def test_names_do_not_control_the_terminal(name: str, shown: str) -> None:
         "     | ^^^\n"
         f"  in {shown}, called at b.scene:2:1"
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("word", "suggestion"),
+    [
+        ("ratius", "did you mean `radius`?"),
+        ("brass", "did you mean `polished_brass` or `patina_brass`?"),  # no other name is like it but `amber_glass`
+        ("hight", "did you mean `height`?"),
+        ("color", "did you mean `base_color`?"),
+        ("zebra", ""),
+    ],
+)
+def test_names_like_an_unknown_word_are_suggested(word: str, suggestion: str) -> None:
+    assert suggest(word, ["amber_glass", "polished_brass", "patina_brass", "radius", "height", "base_color"]) == suggestion

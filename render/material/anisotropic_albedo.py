@@ -159,8 +159,8 @@ def _corrected(
     b = ops.minimum(_read(tables.grazing, nowhere, place), e)
     cosine = ops.clip(ops.absolute(ops.dot(normal, direction)), LEAST, 1.0)
     e_round, b_round = energy_compensation.directional_albedo(table, cosine, ops.minimum(facets.alpha, 1.0))
-    more = _split_sum(step, e, b) - _split_sum(step, e_round, b_round)
-    r = ops.where(uneven & (step > 0.0), ops.clip(plain[0] + more, 0.0, 1.0), plain[0])
+    correction = _split_sum(step, e, b) - _split_sum(step, e_round, b_round)
+    r = ops.where(uneven & (step > 0.0), ops.clip(plain[0] + correction, 0.0, 1.0), plain[0])
     return (
         r,
         ops.where(uneven, e, plain[1]),
@@ -183,8 +183,8 @@ def _albedos(
 def _mean_reflectance(anisotropy: Anisotropy, plain: Lane, table: energy_compensation.Albedo, facets: Facets, step: Lane) -> Lane:
     e, b = means(anisotropy.tables, facets)
     e_round, b_round, _ = energy_compensation.means(table, ops.minimum(facets.alpha, 1.0))
-    more = _split_sum(step, e, b) - _split_sum(step, e_round, b_round)
-    return ops.where(is_uneven(facets) & (step > 0.0), ops.clip(plain + more, 0.0, 1.0), plain)
+    correction = _split_sum(step, e, b) - _split_sum(step, e_round, b_round)
+    return ops.where(is_uneven(facets) & (step > 0.0), ops.clip(plain + correction, 0.0, 1.0), plain)
 
 
 @helper

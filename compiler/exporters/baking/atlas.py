@@ -190,21 +190,21 @@ def _pairs(layout: _Layout, charts: Charts, reach: float) -> _Pairs:
     lines = np.maximum(high[:, 1] - low[:, 1], 0)
     each, step = _ranges(lines)
     rows = low[each, 1] + step
-    left, right = low[each, 0].astype(np.float64), high[each, 0] - 1.0
+    first_column, last_column = low[each, 0].astype(np.float64), high[each, 0] - 1.0
     turn = np.where(_cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]) < 0.0, -1.0, 1.0)[:, None]
     for k in range(3):  # columns at which the row enters and leaves the half-plane of a side
         side = flat[:, (k + 1) % 3] - flat[:, k]
         normal = turn * np.stack([-side[:, 1], side[:, 0]], axis=1) / np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
         offset = -(normal * flat[:, k]).sum(axis=1) + wider[:, 0]
-        slope, rest = normal[each, 0], normal[each, 1] * (rows + 0.5) + offset[each]
+        slope, offset_in_row = normal[each, 0], normal[each, 1] * (rows + 0.5) + offset[each]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            crossing = np.clip(-rest / slope - 0.5, -2.0, 1e6)
-        left = np.where(slope > 1e-12, np.maximum(left, np.ceil(crossing)), left)
-        right = np.where(slope < -1e-12, np.minimum(right, np.floor(crossing)), right)
-        right = np.where((np.abs(slope) <= 1e-12) & (rest < 0.0), -1.0, right)
-    counts = np.maximum(right - left + 1.0, 0.0).astype(np.intp)
+            crossing = np.clip(-offset_in_row / slope - 0.5, -2.0, 1e6)
+        first_column = np.where(slope > 1e-12, np.maximum(first_column, np.ceil(crossing)), first_column)
+        last_column = np.where(slope < -1e-12, np.minimum(last_column, np.floor(crossing)), last_column)
+        last_column = np.where((np.abs(slope) <= 1e-12) & (offset_in_row < 0.0), -1.0, last_column)
+    counts = np.maximum(last_column - first_column + 1.0, 0.0).astype(np.intp)
     line, step = _ranges(counts)
-    columns, rows, triangle = left[line].astype(np.intp) + step, rows[line], used[each[line]]
+    columns, rows, triangle = first_column[line].astype(np.intp) + step, rows[line], used[each[line]]
     weights = _weights(layout.flat[triangle, :, :2], _middles(columns, rows))
     return _Pairs(triangle, columns, rows, weights, _heights(layout, triangle, weights))
 
@@ -275,15 +275,15 @@ def _hidden(layout: _Layout, charts: Charts, owner: Rows) -> Rows:
     used = np.flatnonzero(charts.chart >= 0)
     columns, rows = np.floor(layout.flat[used, :, :2].mean(axis=1)).astype(np.intp).T
     weights = _weights(layout.flat[used, :, :2], _middles(columns, rows))
-    found = []
+    hidden = []
     for pairs in (_Pairs(used, columns, rows, weights, _heights(layout, used, weights)), _pairs(layout, charts, 1.5)):
         shown = owner[(height - 1 - pairs.row) * width + pairs.column]
         k = np.flatnonzero((shown >= 0) & (shown != pairs.triangle))
         points = _middles(pairs.column[k], pairs.row[k])
         over = _heights(layout, shown[k], _weights(layout.flat[shown[k], :, :2], points))
         apart = over - pairs.height[k]
-        found.append(np.where(apart > 0.0, pairs.triangle[k], shown[k])[np.abs(apart) > _APART])
-    return np.unique(np.concatenate(found))
+        hidden.append(np.where(apart > 0.0, pairs.triangle[k], shown[k])[np.abs(apart) > _APART])
+    return np.unique(np.concatenate(hidden))
 
 
 def _divided(charts: Charts, hidden: Rows, singly: bool = False) -> Charts:

@@ -87,18 +87,18 @@ def _grown(normals: F64, areas: F64, is_flat: NDArray[np.bool_], neighbours: Row
         while waiting:
             triangle = waiting.pop()
             chart[triangle] = number
-            for other in targets[starts[triangle] : starts[triangle + 1]]:
-                if is_open[other]:
-                    nx, ny, nz = rows[other]
+            for neighbour in targets[starts[triangle] : starts[triangle + 1]]:
+                if is_open[neighbour]:
+                    nx, ny, nz = rows[neighbour]
                     if x * nx + y * ny + z * nz >= STEEPEST:
-                        is_open[other] = False
-                        waiting.append(other)
+                        is_open[neighbour] = False
+                        waiting.append(neighbour)
     return np.array(chart, np.intp), seeds
 
 
 def _frames(axes: F64, seeds: F64, corners: F64, chart: Rows) -> F64:
     """(c, 3, 3) the frames of charts; u lies along the edge of the first triangle (c, 3, 3) that makes the least rectangle around all."""
-    least, frames = np.full(len(axes), np.inf), np.tile(np.eye(3), (len(axes), 1, 1))
+    least_area, frames = np.full(len(axes), np.inf), np.tile(np.eye(3), (len(axes), 1, 1))
     used = np.flatnonzero(chart >= 0)
     for k in range(3):
         u = seeds[:, (k + 1) % 3] - seeds[:, k]
@@ -110,6 +110,6 @@ def _frames(axes: F64, seeds: F64, corners: F64, chart: Rows) -> F64:
         np.minimum.at(low, chart[used], flat.min(axis=1))
         np.maximum.at(high, chart[used], flat.max(axis=1))
         area = (high - low).prod(axis=1)
-        frames[area < least] = turned[area < least]
-        least = np.minimum(least, area)
+        frames[area < least_area] = turned[area < least_area]
+        least_area = np.minimum(least_area, area)
     return frames

@@ -55,7 +55,7 @@ class Extension:
         table, count = self._tables.textures, len(self._textures)
         first = len(self._tables.images.first)
         directions = np.array(self._textures, np.int64) < 0
-        new = {
+        baked = {
             "kind": np.full(count, int(ir.TextureKind.IMAGE)), "mapping": np.full(count, int(ir.TextureMapping.UV)),
             "wrap_u": np.full(count, int(ir.Wrap.CLAMP)), "wrap_v": np.full(count, int(ir.Wrap.CLAMP)), "nearest": np.zeros(count, bool),
             "image": first + np.arange(count), "tape": np.full(count, -1), "channel": np.full(count, -1),
@@ -63,7 +63,7 @@ class Extension:
             "color_b": np.zeros((count, 3)), "gain": np.where(directions[:, None], 2.0, np.ones((count, 3))),
             "bias": np.where(directions[:, None], -1.0, np.zeros((count, 3))), "slices": np.zeros(count),
         }  # fmt: skip
-        return ir.table_of("textures", {name: np.concatenate([column, new[name]]) for name, column in table._asdict().items()})
+        return ir.table_of("textures", {name: np.concatenate([column, baked[name]]) for name, column in table._asdict().items()})
 
     def _more_images(self) -> ir.Images:
         table, pieces = self._tables.images, [self._tables.images.texels]
@@ -72,21 +72,21 @@ class Extension:
             starts.append(first)
             pieces.append(np.concatenate([pixels.reshape(-1, 3), np.ones((pixels.shape[0] * pixels.shape[1], 1), np.float32)], axis=1))
             first += len(pieces[-1])
-        new = {
+        baked = {
             "first": starts, "width": [pixels.shape[1] for pixels in self._images], "height": [pixels.shape[0] for pixels in self._images],
             "texels": np.concatenate(pieces),
         }  # fmt: skip
-        columns = {name: np.concatenate([column, new[name]]) for name, column in table._asdict().items() if name != "texels"}
-        return ir.table_of("images", {**columns, "texels": new["texels"]})
+        columns = {name: np.concatenate([column, baked[name]]) for name, column in table._asdict().items() if name != "texels"}
+        return ir.table_of("images", {**columns, "texels": baked["texels"]})
 
     def _more_names(self, sources: Mapping[str, list[int]]) -> ir.Names:
         names, tables = self._scene.names, {"materials": self._tables.materials.model, "images": self._tables.images.first}
-        more = {}
+        extended = {}
         for table, column in tables.items():
-            known = getattr(names, table)
-            padded = (*known, *[""] * (len(column) - len(known)))
-            more[table] = (*padded, *[padded[row] if row >= 0 else "" for row in sources[table]])
-        return replace(names, **more)
+            table_names = getattr(names, table)
+            padded = (*table_names, *[""] * (len(column) - len(table_names)))
+            extended[table] = (*padded, *[padded[row] if row >= 0 else "" for row in sources[table]])
+        return replace(names, **extended)
 
     def _more_spans(self, sources: Mapping[str, list[int]]) -> ir.Spans:
         spans = self._scene.spans

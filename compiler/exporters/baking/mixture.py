@@ -57,8 +57,8 @@ def inputs(out: Export, row: int, values: Values) -> dict[ir.Slot, F64]:
     share = weight(out.scene.tables, row, values)
     mixed = {slot: (1.0 - share) * first[slot] + share * second[slot] for slot in first}
     mixed[Slot.IOR] = np.maximum(*(part[Slot.IOR].max(axis=0, keepdims=True) * _has_dielectric(part) for part in (first, second)))
-    own = Input.number(float(m.values[row, Slot.OPACITY, 0]), int(m.textures[row, Slot.OPACITY]))
-    return mixed | {Slot.OPACITY: mixed[Slot.OPACITY] * _at_points(own, values)}
+    opacity = Input.number(float(m.values[row, Slot.OPACITY, 0]), int(m.textures[row, Slot.OPACITY]))
+    return mixed | {Slot.OPACITY: mixed[Slot.OPACITY] * _at_points(opacity, values)}
 
 
 def _has_dielectric(part: dict[ir.Slot, F64]) -> bool:
@@ -93,10 +93,10 @@ def slopes(tables: ir.Tables, row: int, values: Values, of_heights: Callable[[in
         texture = int(m.textures[row, Slot.BUMP])
         is_formula = texture >= 0 and tables.textures.kind[texture] == ir.TextureKind.FORMULA
         return of_heights(texture, float(m.values[row, Slot.BUMP, 0])) if is_formula else None
-    both = [slopes(tables, int(part), values, of_heights) for part in (m.first[row], m.second[row])]
-    if both[0] is None and both[1] is None:
+    part_slopes = [slopes(tables, int(part), values, of_heights) for part in (m.first[row], m.second[row])]
+    if part_slopes[0] is None and part_slopes[1] is None:
         return None
     share = weight(tables, row, values)
-    first, second = (np.array([[0.0, 0.0, 1.0]]) if part is None else part for part in both)
+    first, second = (np.array([[0.0, 0.0, 1.0]]) if part is None else part for part in part_slopes)
     mixed = (1.0 - share) * first + share * second
     return mixed / np.linalg.norm(mixed, axis=1, keepdims=True)

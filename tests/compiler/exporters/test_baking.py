@@ -80,10 +80,10 @@ def test_texels_show_their_points(name: str) -> None:
 def test_a_plane_is_finer_in_the_middle(tmp_path: Path) -> None:
     """Texels within a radius of the scene are less than a quarter of those of one density for the whole square of 40 radii."""
     text = f"sphere(1)\nplane(y: -1, material: lambert({NOISE}))\n"
-    file, said = converted(tmp_path, text, ".glb", "--bake", "128")
+    file, messages = converted(tmp_path, text, ".glb", "--bake", "128")
     tables = load(file).tables
     side = max(np.ptp(tables.geometries.bounds[g], axis=0).max() for g in tables.instances.geometry)
-    width = float(said.split(" texels of ")[1].split(" mm")[0]) / 1000
+    width = float(messages.split(" texels of ")[1].split(" mm")[0]) / 1000
     assert width < side / 128 / 4
 
 
@@ -97,9 +97,9 @@ def test_meshes_without_a_picture() -> None:
 
 def converted(folder: Path, text: str, ending: str, *options: str) -> tuple[Path, str]:
     (folder / "a.scene").write_text(text + VIEW, encoding="utf-8")
-    done = CliRunner().invoke(cli, ["convert", str(folder / "a.scene"), str(folder / f"a{ending}"), *options])
-    assert done.exit_code == 0, done.stderr
-    return folder / f"a{ending}", done.stderr
+    result = CliRunner().invoke(cli, ["convert", str(folder / "a.scene"), str(folder / f"a{ending}"), *options])
+    assert result.exit_code == 0, result.stderr
+    return folder / f"a{ending}", result.stderr
 
 
 def document(path: Path) -> Any:
@@ -128,9 +128,9 @@ def pictures(folder: Path, file: Path, **settings: Any) -> tuple[Any, Any]:
     ids=["sphere", "mirrored", "numbers", "bumps"],
 )
 def test_pictures_come_back(tmp_path: Path, objects: str, ending: str) -> None:
-    file, said = converted(tmp_path, objects, ending)
-    assert "patterns are baked into pictures of" in said
-    assert "pattern is not carried" not in said
+    file, messages = converted(tmp_path, objects, ending)
+    assert "patterns are baked into pictures of" in messages
+    assert "pattern is not carried" not in messages
     first, second = pictures(tmp_path, file)
     assert np.abs(first - second).mean() < 0.03 * first.mean()
 
@@ -190,8 +190,8 @@ def test_emission_above_one(tmp_path: Path) -> None:
 
 
 def test_baking_is_left_out(tmp_path: Path) -> None:
-    file, said = converted(tmp_path, f"sphere(1, material: lambert({NOISE}))\n", ".glb", "--bake", "0")
-    assert "a pattern is not carried: it is white" in said
+    file, messages = converted(tmp_path, f"sphere(1, material: lambert({NOISE}))\n", ".glb", "--bake", "0")
+    assert "a pattern is not carried: it is white" in messages
     assert "images" not in document(file)
 
 
@@ -199,16 +199,16 @@ def test_meshes_of_too_many_parts_are_reported(tmp_path: Path) -> None:
     points, triangles = soup(500)
     lines = [f"v {' '.join(map(str, point))}" for point in points] + [f"f {' '.join(str(k + 1) for k in face)}" for face in triangles]
     (tmp_path / "soup.obj").write_text("\n".join(lines), encoding="utf-8")
-    _, said = converted(tmp_path, f'mesh("soup.obj", material: lambert({NOISE}))\n', ".glb", "--bake", "16")
-    assert "more separate parts than its picture has texels" in said
-    assert "--bake" in said
+    _, messages = converted(tmp_path, f'mesh("soup.obj", material: lambert({NOISE}))\n', ".glb", "--bake", "16")
+    assert "more separate parts than its picture has texels" in messages
+    assert "--bake" in messages
 
 
 def test_formats_without_pictures_refuse_the_option(tmp_path: Path) -> None:
     (tmp_path / "a.scene").write_text("sphere(1)\n" + VIEW, encoding="utf-8")
-    done = CliRunner().invoke(cli, ["convert", str(tmp_path / "a.scene"), str(tmp_path / "a.stl"), "--bake", "64"])
-    assert done.exit_code != 0
-    assert "--bake applies to patterns that become pictures: OUT ends in .glb" in done.stderr
+    result = CliRunner().invoke(cli, ["convert", str(tmp_path / "a.scene"), str(tmp_path / "a.stl"), "--bake", "64"])
+    assert result.exit_code != 0
+    assert "--bake applies to patterns that become pictures: OUT ends in .glb" in result.stderr
 
 
 @pytest.mark.long
@@ -216,23 +216,23 @@ def test_blends_are_mixed(tmp_path: Path) -> None:
     """A blend is one surface whose inputs are mixed; its edge lies where the formula has it, not at triangles."""
     text = 'sphere(1, material: blend(metal("gold", roughness: 0.4), principled(#204080, roughness: 0.7), pattern(|x, y, z| '
     text += "smoothstep(-0.02, 0.02, noise(3 * x, 3 * y, 3 * z)))))\n"
-    file, said = converted(tmp_path, text, ".glb")
-    assert "each triangle has the one that counts more" not in said
-    assert "a blend is carried as one surface" in said
+    file, messages = converted(tmp_path, text, ".glb")
+    assert "each triangle has the one that counts more" not in messages
+    assert "a blend is carried as one surface" in messages
     first, second = pictures(tmp_path, file)
     assert np.abs(first - second).mean() < 0.05 * first.mean()
 
 
 def test_parts_of_solids_keep_their_edges(tmp_path: Path) -> None:
     text = "union() {\n  box(1, material: lambert(#f00))\n  sphere(0.6, center: [0.5, 0, 0], material: lambert(#0f0))\n}\n"
-    file, said = converted(tmp_path, text, ".glb")
-    assert "a blend is carried as one surface" not in said
+    file, messages = converted(tmp_path, text, ".glb")
+    assert "a blend is carried as one surface" not in messages
     assert len(document(file)["materials"]) == 2
 
 
 def test_blends_with_glass_are_divided_by_triangles(tmp_path: Path) -> None:
-    file, said = converted(
+    file, messages = converted(
         tmp_path, "sphere(1, material: blend(glass(), lambert(#0f0), pattern(|x, y, z| if x > 0 then 1 else 0)))\n", ".glb"
     )
-    assert "each triangle has the one that counts more" in said
+    assert "each triangle has the one that counts more" in messages
     assert len(document(file)["materials"]) == 2

@@ -49,14 +49,16 @@ class Style(NamedTuple):
     slots: frozenset[ir.Slot]  # inputs that have pictures in the format
     is_needed: Callable[[int], bool]  # whether the format lacks a texture (a row) of these
     together: tuple[frozenset[ir.Slot], ...] = ()  # inputs that are channels of one picture
+    has_graph: Callable[[int], bool] = lambda texture: False  # whether the format has a texture as nodes, too, beside the picture
 
 
 class Baked(NamedTuple):
-    """A scene whose bodies have baked materials, and the corners (m, 3, 2) of their triangles in the pictures of baked textures (rows)."""
+    """A scene whose bodies have baked materials."""
 
     out: Export
     bodies: list[Body]
-    coordinates: dict[int, F64]
+    coordinates: dict[int, F64]  # (m, 3, 2) corners of triangles in the picture of a baked texture (a row)
+    sources: dict[int, int]  # of baked materials that are no mixtures (rows): the materials with formulas
 
 
 class _Job(NamedTuple):
@@ -92,8 +94,8 @@ def bake(out: Export, bodies: list[Body], converters: Converters, style: Style) 
                     fineness = _fineness(out.scene.tables, body.instance, shell)
                     jobs[key] = _Job(row, body.instance, shell, stretch, slots, _area(shell, stretch, fineness), fineness)
     if not jobs:
-        return Baked(out, bodies, {})
-    bakery = _Bakery(out, converters)
+        return Baked(out, bodies, {}, {})
+    bakery = _Bakery(out, converters, style.has_graph)
     sides = _sides([job.area for job in jobs.values()], style.side)
     rows = {key: bakery.material(job, side) for (key, job), side in zip(jobs.items(), sides, strict=True)}
     bakery.report()
@@ -101,7 +103,7 @@ def bake(out: Export, bodies: list[Body], converters: Converters, style: Style) 
     for k, body in enumerate(bodies):
         parts = [(rows[keys[k, part]] if (k, part) in keys else row, chosen) for part, (row, chosen) in enumerate(body.parts)]
         changed.append(body._replace(parts=parts, key=(body.key, tuple(row for row, _ in parts))))
-    return Baked(replace(out, scene=bakery.rows.scene), changed, bakery.coordinates)
+    return Baked(replace(out, scene=bakery.rows.scene), changed, bakery.coordinates, bakery.sources)
 
 
 def _slots(tables: ir.Tables, row: int, style: Style) -> list[ir.Slot]:
@@ -163,10 +165,12 @@ class _Surface:
 class _Bakery:
     """New materials with pictures, and the sizes of these."""
 
-    def __init__(self, out: Export, converters: Converters) -> None:
-        self.out, self.tables, self._converters = out, out.scene.tables, converters
+    def __init__(self, out: Export, converters: Converters, has_graph: Callable[[int], bool]) -> None:
+        self.out, self.tables, self._converters, self._has_graph = out, out.scene.tables, converters, has_graph
         self.rows = Extension(out.scene)
         self.coordinates: dict[int, F64] = {}
+        self.sources: dict[int, int] = {}
+        self._without_graphs = set[int]()  # rows of materials some of whose patterns have pictures alone
         self._atlases: dict[int, list[Atlas]] = {}  # of rows of materials
 
     def material(self, job: _Job, side: int) -> int:
@@ -185,7 +189,12 @@ class _Bakery:
             columns = self._of_pictures(surface)
         if (columns["textures"] >= len(self.tables.textures.kind)).any():
             self._atlases.setdefault(job.row, []).append(atlas)
-        return self.rows.material(job.row, columns)
+        if is_mixed or not all(slot != Slot.BUMP and self._has_graph(int(m.textures[job.row, slot])) for slot in job.slots):
+            self._without_graphs.add(job.row)
+        row = self.rows.material(job.row, columns)
+        if not is_mixed:
+            self.sources[row] = job.row
+        return row
 
     def _of_pictures(self, surface: _Surface) -> dict[str, Any]:
         """Inputs of a material with pictures in place of its textures."""
@@ -241,4 +250,8 @@ class _Bakery:
             coarse = min(atlases, key=lambda atlas: atlas.density)
             size = f"{coarse.width} × {coarse.height} texels of {1000.0 / coarse.density:.2g} mm"
             often = f", and {len(atlases) - 1} more that are finer" if len(atlases) > 1 else ""
-            self.out.cannot(f"patterns are baked into pictures of {size}{often}: smaller details are lost", "materials", row, _HINT)
+            message = f"patterns are baked into pictures of {size}{often}"
+            if row in self._without_graphs:
+                self.out.cannot(f"{message}: smaller details are lost", "materials", row, _HINT)
+            else:
+                self.out.note(f"{message}, for programs that do not read graphs", "materials", row)

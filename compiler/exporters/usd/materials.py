@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,8 +17,8 @@ from ....materials import losses
 from ....materials.contract import Exported
 from ... import ir
 from ...scene.row_records import DEFAULT_MATERIAL, Color, Input, as_color, scale_color
+from ..baking.patterns import Baked
 from ..export import Export
-from ..placement import F64
 from ..surfaces import surface_of
 from ..texture_sets import TextureSets
 from .graphs import is_graph
@@ -67,14 +68,13 @@ class Written(NamedTuple):
 class Materials:
     """The materials of the stage, each written once."""
 
-    def __init__(self, out: Export, stage: Any, parent: str, name: str, png: Callable[..., bytes], baked: Mapping[int, F64]) -> None:
-        """`baked`: see TextureSets."""
-        self._baked = baked
+    def __init__(self, out: Export, stage: Any, parent: str, name: str, png: Callable[..., bytes], baked: Baked) -> None:
+        self._baked, self._with_graphs = baked.coordinates, with_graphs(baked)
         self.out, self.stage, self.tables, self._png = out, stage, out.scene.tables, png
         self._parent, self._name = parent, name
         self._written: dict[tuple[int, bool], Written] = {}
         self._files: dict[tuple[int, str], str] = {}
-        self._networks = Networks(out, stage, self._file)
+        self._networks = Networks(self._with_graphs, stage, self._file)
 
     def written(self, row: int, tinted: bool = False) -> Written:
         """The material of a row; if `tinted`, for meshes with colours, which are in their primvar displayColor."""
@@ -94,7 +94,8 @@ class Materials:
             if slabs is not None:
                 self._networks.write(material, str(material.GetPath()), row, slabs, sets)
             elif not tinted and self._has_patterns(row):
-                self._networks.write_preview(material, str(material.GetPath()), row, exported, sets, opacity_of(exported))
+                of_graphs = surface_of(self._with_graphs, row, carried, self._has_graph)
+                self._networks.write_preview(material, str(material.GetPath()), row, of_graphs, sets, opacity_of(of_graphs))
         return self._written[key]
 
     def _material(self, exported: Exported, row: int, sets: TextureSets, tinted: bool, by_colors: bool, carried: bool) -> Any:  # fmt: skip
@@ -140,7 +141,7 @@ class Materials:
 
     def _has_patterns(self, row: int) -> bool:
         """Whether a material has a pattern that a graph says."""
-        return any(map(self._has_graph, self.tables.materials.textures[row].tolist()))
+        return any(map(self._has_graph, self._with_graphs.scene.tables.materials.textures[row].tolist()))
 
     def _colors(self, shader: Any, path: str) -> None:
         """The diffuse colour as that of the mesh."""
@@ -189,6 +190,18 @@ class Materials:
             self.out.files[name] = self._png(0.5 * pixels + 0.5 if kind == "normal" else pixels, color=colored)
             self._files[key] = f"./{name}"
         return self._files[key]
+
+
+def with_graphs(baked: Baked) -> Export:
+    """The scene whose baked materials have formulas in place of pictures, where nodes of MaterialX express them."""
+    tables = baked.out.scene.tables
+    values, textures = tables.materials.values.copy(), tables.materials.textures.copy()
+    for row, source in baked.sources.items():
+        for slot in PICTURED:
+            if is_graph(tables, int(textures[source, slot])):
+                values[row, slot], textures[row, slot] = values[source, slot], textures[source, slot]
+    materials = tables.materials._replace(values=values, textures=textures)
+    return replace(baked.out, scene=replace(baked.out.scene, tables=tables._replace(materials=materials)))
 
 
 TYPICAL = 0.5  # that stands for a pattern where there are no graphs

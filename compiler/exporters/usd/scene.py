@@ -53,10 +53,8 @@ def stage_of(scene: ir.Scene, plan: Plan, name: str, converters: Converters, sid
     without_media(out, CARRYING)
     is_formula = scene.tables.textures.kind == ir.TextureKind.FORMULA
 
-    def has_no_graph(texture: int) -> bool:
-        return bool(is_formula[texture]) and not is_graph(scene.tables, texture)
-
-    baked = bake(out, list(bodies_of(out, converters, side)), converters, Style(side, PICTURED, has_no_graph))
+    style = Style(side, PICTURED, lambda texture: bool(is_formula[texture]), has_graph=lambda texture: is_graph(scene.tables, texture))
+    baked = bake(out, list(bodies_of(out, converters, side)), converters, style)
     writer = _Writer(baked, name, converters)
     writer.write(plan)
     return baked.out, writer.stage
@@ -65,7 +63,7 @@ def stage_of(scene: ir.Scene, plan: Plan, name: str, converters: Converters, sid
 def write(scene: ir.Scene, plan: Plan, name: str, ending: str, converters: Converters, side: int = SIDE) -> Export:
     """Exports `scene`, with the camera of `plan` first. Pictures are called `name`.0.png and so on. Losses are in its `diagnostics`.
 
-    `side`: texels of the side of the largest picture of a pattern that has no graph.
+    `side`: texels of the side of the largest picture of a pattern.
     """
     out, stage = stage_of(scene, plan, name, converters, side)
     _encode(out, stage, name, ending)
@@ -97,7 +95,7 @@ class _Writer:
         UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
         self.stage.SetDefaultPrim(UsdGeom.Xform.Define(self.stage, ROOT).GetPrim())
         self.bodies = baked.bodies
-        self.materials = Materials(self.out, self.stage, f"{ROOT}/Materials", name, converters.png, baked.coordinates)
+        self.materials = Materials(self.out, self.stage, f"{ROOT}/Materials", name, converters.png, baked)
         self._meshes: dict[Any, Any] = {}
         self._placed: dict[int, str] = {}  # paths of instances
         self._lights: dict[int, Any] = {}  # prims of lights

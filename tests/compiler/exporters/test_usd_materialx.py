@@ -100,14 +100,14 @@ def test_slabs_come_back(tmp_path: Path, name: str) -> None:
             np.testing.assert_allclose(expected, medium, rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    "material",
-    [
-        "lambert(pattern(|x, y, z| if mod(4 * x, 1) < 0.5 then rgb(0.8, 0.2, 0.1) else rgb(0.1, 0.3, abs(y))))",
-        "openpbr(pattern(|x, y, z| rgb(0.5 + 0.5 * sin(9 * x), hypot(x, y) / 2, atan2(y, x + 3) ^ 2)), specular_roughness: 0.4)",
-        "principled(rgb(0.5, 0.1, 0.1), roughness: pattern(|x, y, z| clamp(0.2 + floor(3 * y) / 4, 0.1, 0.9)))",
-    ],
-)
+PATTERNED = [
+    "lambert(pattern(|x, y, z| if mod(4 * x, 1) < 0.5 then rgb(0.8, 0.2, 0.1) else rgb(0.1, 0.3, abs(y))))",
+    "openpbr(pattern(|x, y, z| rgb(0.5 + 0.5 * sin(9 * x), hypot(x, y) / 2, atan2(y, x + 3) ^ 2)), specular_roughness: 0.4)",
+    "principled(rgb(0.5, 0.1, 0.1), roughness: pattern(|x, y, z| clamp(0.2 + floor(3 * y) / 4, 0.1, 0.9)))",
+]
+
+
+@pytest.mark.parametrize("material", PATTERNED)
 def test_patterns_are_graphs(tmp_path: Path, material: str) -> None:
     stage, said = converted(tmp_path, f"box(1.5, rotate: [20deg, 30deg, 0deg], material: {material})\n")
     assert "pattern is not carried" not in said
@@ -115,6 +115,21 @@ def test_patterns_are_graphs(tmp_path: Path, material: str) -> None:
     scenes = [maquette.load(tmp_path / file) for file in ("a.scene", "a.usda")]
     first, second = (np.array(scene.render(size=(48, 32), samples=4, denoise=False))[..., :3] for scene in scenes)
     assert np.abs(first - second).mean() < 5e-3 * first.mean()
+
+
+@pytest.mark.parametrize("material", PATTERNED)
+def test_patterns_are_pictures_of_usd_preview_surface(tmp_path: Path, material: str) -> None:
+    """For programs that do not read MaterialX: the stage without its networks gives the same picture."""
+    file, messages = converted(tmp_path, f"box(1.5, rotate: [20deg, 30deg, 0deg], material: {material})\n")
+    stage = Usd.Stage.Open(str(file))
+    assert "note: patterns are baked into pictures of " in messages
+    for prim in stage.Traverse():
+        if prim.GetTypeName() == "Material":
+            prim.RemoveProperty("outputs:mtlx:surface")
+    stage.GetRootLayer().Export(str(tmp_path / "b.usda"))
+    scenes = [maquette.load(tmp_path / file) for file in ("a.scene", "b.usda")]
+    first, second = (np.array(scene.render(size=(48, 32), samples=16, denoise=False))[..., :3] for scene in scenes)
+    assert np.abs(first - second).mean() < 0.04 * first.mean()
 
 
 def test_pictures_of_slabs_come_back(tmp_path: Path) -> None:

@@ -22,7 +22,8 @@ def place_of(alpha, anisotropy, angle, turn):
 def sent(facets, angle, turn, index=None):
     """The share of light that one bounce sends on, by 17,711 nodes: reflected by a mirror, or on both sides of a boundary to an index."""
     along, across = float(facets.first[0]), float(facets.second[0])
-    view = tuple(np.array([c]) for c in (math.sin(angle) * math.cos(turn), math.sin(angle) * math.sin(turn), math.cos(angle)))
+    sine, cosine = math.sin(angle), math.cos(angle)
+    view = np.array([sine * math.cos(turn)]), np.array([sine * math.sin(turn)]), np.array([cosine])
     normal, facing, weight = anisotropic_albedo._visible(view, along, across, 17711, 10946)
     near = 1 + anisotropic_albedo._lambda(view, along, across)[:, None]
     light = [2 * facing * n - v[:, None] for n, v in zip(normal, view, strict=True)]

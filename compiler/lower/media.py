@@ -19,6 +19,7 @@ from ..importers.images import ImageError
 from ..io.sandbox import FileError
 from ..mesh import built_geometry
 from ..mesh.topology import merged
+from ..scene import phase_functions
 from ..scene.row_records import (
     BLACK,
     WHITE,
@@ -30,7 +31,6 @@ from ..scene.row_records import (
     multiply_colors,
     scale_color,
 )
-from . import phase_functions
 from .context import Context
 
 KOSCHMIEDER = 3.912  # extinction times visibility: −ln 2 %
@@ -71,9 +71,7 @@ class Media:
 
     # --- shapes ---
 
-    def inside(
-        self, shape: Element, medium: Element, material: Element | None, pieces: list[Piece], frame: np.ndarray
-    ) -> Inside | None:
+    def inside(self, shape: Element, medium: Element, material: Element | None, pieces: list[Piece], frame: np.ndarray) -> Inside | None:
         """The medium of a shape whose pieces are placed by `frame` (4, 4); None, after a diagnostic, if it cannot be filled."""
         own = shape.args.get("medium") is not None
         if material is not None and material.kind == "emissive":

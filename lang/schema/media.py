@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from .argument_types import REQUIRED, Arg, Entry
 
+THINNEST = 1e-9  # metres; coefficients have 10¹⁸ per metre at most
+
 
 def _coefficients(instead: str) -> tuple[Arg, ...]:
     return tuple(
@@ -39,7 +41,7 @@ MEDIUM = Entry(
     "what fills a closed shape and scatters, absorbs or emits light on its way: milk, wax, smoke or a cloud",
     (
         Arg("color", "color", None, "single-scattering albedo: share of the light that a particle sends on; default white"),
-        Arg("depth", "size3", None, "mean free path: how far light goes from particle to particle; default 10 cm", above=0.0),
+        Arg("depth", "size3", None, "mean free path: how far light goes from particle to particle; default 10 cm", minimum=THINNEST),
         *_coefficients("`color` and `depth`"),
         Arg("emission", "emission", None, "radiance that it emits per metre of its depth", minimum=0.0, keyword=True),
         *_phase(0.0),
@@ -58,7 +60,10 @@ FOG = Entry(
     "fog, mist or haze around all shapes of the scene, up to a height: at most one",
     (
         Arg("color", "color", None, "single-scattering albedo: share of the light that a droplet sends on; default white"),
-        Arg("visibility", "length", None, "at which a black object has a contrast of 2 % (Koschmieder 1924); default 100 m", above=0.0),
+        Arg(
+            "visibility", "length", None, "at which a black object has a contrast of 2 % (Koschmieder 1924); default 100 m",
+            minimum=THINNEST,
+        ),
         Arg("top", "length", None, "height y up to which it has its full density; default 0", keyword=True),
         Arg(
             "falloff", "length", None,

@@ -40,8 +40,11 @@ def camera(out: Export, row: int, size: tuple[int, int], moves: bool) -> str:
         texts["view"] = words.string(settings.view)
     if settings.white is not None:
         texts["white"] = words.string(settings.white) if isinstance(settings.white, str) else words.number(settings.white)
-    if moves and cameras.shutter[row] > 0.0:
-        out.cannot("the shutter is not carried: nothing moves", "cameras", row)
+    if cameras.shutter[row] > 0.0:
+        if moves:
+            out.cannot("the shutter is not carried: nothing moves", "cameras", row)
+        else:
+            texts["shutter"] = f"{words.number(float(cameras.shutter[row]))}s"
     return words.call("camera", words.numbers(position), **texts)
 
 
@@ -101,7 +104,7 @@ def _lens(out: Export, row: int, size: tuple[int, int]) -> dict[str, str]:
         texts = {"focal": "50mm", "film": f"[{_mm(film * float(cameras.aspect[row]))}, {_mm(film)}]"}
         focal = _FOCAL
     else:
-        texts, focal = {"fov": words.degrees(2.0 * math.atan(extent))}, FILM_HEIGHT / 2.0 / extent
+        texts, focal = {"fov": words.degrees(2.0 * math.atan(extent), share=1e-9)}, FILM_HEIGHT / 2.0 / extent
     if cameras.lens[row] > 0.0:
         texts["aperture"] = words.number(float(f"{focal / (2.0 * float(cameras.lens[row])):.9g}"))
         texts["focus"] = words.number(float(cameras.focus[row]))

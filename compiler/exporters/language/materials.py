@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....lang.schema.argument_types import REQUIRED, Arg, Entry
+from ....lang.schema.media import FOG, MEDIUM
 from ....materials import MATERIALS, losses
 from ....materials.optics import metals
 from ... import ir
+from ...scene import phase_functions
 from ...scene.row_records import DEFAULT_MATERIAL, MaterialData, MediumData
 from .. import material_values as inputs
 from ..export import Export
@@ -238,18 +240,22 @@ class Materials:
 def medium_arguments(out: Export, row: int, priority: bool = False) -> dict[str, str]:
     """Scattering, absorption, emission and phase of a row of Media."""
     media = out.scene.tables.media
+    default = next(arg.default for arg in (FOG if media.everywhere[row] else MEDIUM).args if arg.name == "phase")
     texts = {}
     for name, values in (("scattering", media.scattering[row]), ("absorption", media.absorption[row]), ("emission", media.emission[row])):
         if values.max() > 0.0 or name == "scattering":
             texts[name] = words.one_or_all(values)
     _, of_draine, alpha, weight = media.draine[row].tolist()
     phase = float(media.anisotropy[row])
-    if weight == 1.0:
+    droplet = phase_functions.droplet_of(media.draine[row].tolist())
+    if droplet is not None:
+        texts["droplet"] = f"{words.number(droplet / phase_functions.MICROMETRE)}um"
+    elif weight == 1.0:
         phase = of_draine
         texts["alpha"] = words.number(alpha)
     elif weight > 0.0:
         out.cannot(losses.PHASE, "media", row)
-    if phase != 0.0:
+    if droplet is None and phase != default:
         texts["phase"] = words.number(phase)
     if priority:
         texts["priority"] = words.number(float(media.priority[row]))

@@ -56,11 +56,11 @@ def grey_or_color(values: Iterable[float]) -> str:
     return number(r) if r == g == b else color((r, g, b))
 
 
-def degrees(radians: float) -> str:
-    """An angle, with as few digits as give the same one to 10⁻¹² of a turn."""
+def degrees(radians: float, share: float = math.inf) -> str:
+    """An angle, with as few digits as give the same one to 10⁻¹² of a turn, and to this share of it."""
     angle = math.degrees(radians)
     for digits in range(13):
-        if abs(round(angle, digits) - angle) < 1e-10:
+        if abs(round(angle, digits) - angle) < min(1e-10, share * abs(angle)):
             return f"{number(round(angle, digits))}deg"
     return f"{number(angle)}deg"
 

@@ -15,6 +15,7 @@ from maquette.compiler import ir
 from maquette.compiler.exporters.language import identifiers, places, words
 from maquette.compiler.load import load
 from maquette.compiler.scene import transforms
+from maquette.lang.diagnostics import SceneError
 from maquette.lang.elements import Euler
 from maquette.lang.syntax import formatter
 from PIL import Image
@@ -336,3 +337,37 @@ def test_glass_without_thickness_and_single_sides_of_gltf(tmp_path: Path) -> Non
     assert "rotate: [0deg, 0deg, 90deg]" in text
     assert "material: material_1_glass" in text
     same(load(source), load(out))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("sphere(1, medium: medium(scattering: 2, droplet: 12um))\n", "droplet: 12um"),
+        ("sphere(1)\nfog(droplet: 5um)\n", "droplet: 5um"),
+        ("sphere(1)\nfog(droplet: 49.123456um)\n", "droplet: 49.123456um"),
+        ("sphere(1)\nfog(phase: 0)\n", "phase: 0"),
+        ("sphere(1)\nfog(phase: 0.5, alpha: 1)\n", "alpha: 1"),
+        ("sphere(1)\nfog(visibility: 1e-9)\n", "scattering: 3912000000"),
+        ("sphere(1)\ncamera([0, 1, 5], shutter: 10ms)\n", "shutter: 0.01s"),
+        ("sphere(1)\ncamera([0, 1, 5], fov: 1e-12rad)\n", "fov: 5.7"),
+        ("sphere(1)\ncamera([0, 1, 5], fov: 1e-12rad, aperture: 2)\n", "aperture: 2"),
+    ],
+)
+def test_media_and_cameras_come_back_as_they_were(tmp_path: Path, text: str, expected: str) -> None:
+    source = written(tmp_path, "in.scene", text)
+    out, messages = converted(source)
+    assert expected in out.read_text(encoding="utf-8")
+    assert "warning" not in messages
+    same(load(source), load(out))
+    tables, again = load(source).tables, load(out).tables
+    for column in ("anisotropy", "draine", "scattering", "absorption"):
+        np.testing.assert_allclose(getattr(again.media, column), getattr(tables.media, column), rtol=1e-8)
+    for column in ("extent", "shutter", "lens", "focus"):
+        np.testing.assert_allclose(getattr(again.cameras, column), getattr(tables.cameras, column), rtol=1e-8)
+
+
+@pytest.mark.parametrize("text", ["fog(visibility: 1e-30)", "sphere(1, medium: medium(depth: 1e-30))"])
+def test_media_too_dense_are_refused(tmp_path: Path, text: str) -> None:
+    source = written(tmp_path, "in.scene", f"sphere(1)\n{text}\n")
+    with pytest.raises(SceneError, match="must be 0.001um or more"):
+        load(source)

@@ -12,7 +12,7 @@ from maquette.compiler import ir
 from maquette.compiler.formula import numpy_interpreter
 from maquette.compiler.formula.builder import Builder
 from maquette.compiler.formula.opcodes import Op
-from maquette.compiler.lower import phase_functions
+from maquette.compiler.scene import phase_functions
 from maquette.render.medium import column, phase, phase_table, scattering_table
 
 from ..chi2 import chi2

@@ -81,6 +81,7 @@ def precision(scene: ir.Scene, meters: Sequence[ir.Meter]) -> dict[str, str]:
 def _read(sensor: sensors.Sensor, sampler: Sampler) -> Reading:
     estimate = sampler.estimate(sensor.cameras, sensor.cells)
     lost = sampler.unbounced(sensor.cameras, sensor.cells)
+    lost += sensor.height_error
     cells, errors = math.pi * estimate.value, math.pi * (estimate.error + lost * estimate.value)
     mean = Value(math.pi * estimate.mean, math.pi * (estimate.mean_error + lost * estimate.mean))
     flux = None

@@ -27,10 +27,9 @@ from ...render.image import metrics
 from ...render.jit import thread_pool
 from ...render.simd import target
 from ...render.types import Film, Tile, View
-from .sensors import REPLICATES
+from .sensors import BIAS, REPLICATES
 
 QUANTILE = 2.131  # of Student's t with REPLICATES - 1 degrees of freedom: 95 % two-sided
-BIAS = 1e-4  # of a value: the greatest effect of rounding and of a sensor's height over its plane
 SIDE = 8  # pixels of a tile: small pictures take all threads
 FIRST = 32  # samples of a pixel in the first round of a replicate
 FEW = 16  # cameras of a group in the first round

@@ -24,8 +24,10 @@ from ...render.tessellation import printable_mesh
 
 LIFT = 1e-5  # of its coordinates, by which a sensor lies off its plane: rays off a surface start 2e-6 of theirs above it
 FROM_SIZE = 0.01  # of the scene's size, that counts as a coordinate: shapes around the origin have rounding errors, too
+HIGHEST = 0.01  # of the scene's size: a sensor that would lie higher over its plane is refused
 POINT = 1e-4  # of its coordinates or of the scene's size: half an edge of a sensor at a point
 FINE = 1e-3  # of LIFT in float64
+BIAS = 1e-4  # of a value: the greatest effect of rounding and of a sensor's height over its plane, beside `height_error`
 FAR = 2.0  # sizes of the scene from the origin, from which float32 is too coarse for sensors
 REPLICATES = 16  # of points on a surface
 POINTS = 1024  # most on a surface, of a replicate
@@ -50,6 +52,7 @@ class Sensor:
     cells: tuple[int, int]
     area: float  # square metres; 0: a point
     area_error: float = 0.0
+    height_error: float = 0.0  # share of the light, by a sensor higher over its plane than BIAS counts
 
 
 class _Rows:
@@ -129,6 +132,7 @@ def _rectangle(rows: _Rows, meter: ir.Meter, material: int, size: float, fine: f
     if not half.any():
         half = np.full(2, POINT * min(scale, size))
     lift = LIFT * scale
+    height_error = _height_error(lift, max(size, float(half.max())), meter)
     x, z = half.tolist()
     parameters = np.zeros(ir.PARAMETERS)
     parameters[:2] = half
@@ -140,7 +144,21 @@ def _rectangle(rows: _Rows, meter: ir.Meter, material: int, size: float, fine: f
     )  # fmt: skip
     _instance(rows, geometry, rows.transforms(_lifted(frame, lift)[None]), material, _lit_bits(rows.tables))
     camera = _cameras(rows, frame[None], 1.5 * lift, lift, x, z, meter.cells[0] / meter.cells[1])
-    return Sensor(meter, range(camera, camera + 1), meter.cells, 4.0 * x * z if any(meter.size) else 0.0)
+    return Sensor(meter, range(camera, camera + 1), meter.cells, 4.0 * x * z if any(meter.size) else 0.0, height_error=height_error)
+
+
+def _height_error(lift: float, size: float, meter: ir.Meter) -> float:
+    """The share of light that the height of a sensor changes, beyond BIAS, which counts heights up to FAR · LIFT of the scene's size.
+
+    It grows with the height. Raises MeterError for a height above HIGHEST of the size.
+    """
+    if lift > HIGHEST * size:
+        raise MeterError(
+            f"the meter `{meter.name}` lies too far from the origin: its sensor would lie {lift:.3g} m above its plane, "
+            f"more than {HIGHEST:.0%} of the scene's {size:.3g} m",
+            "move the scene and its meters to the origin", meter,
+        )  # fmt: skip
+    return BIAS * max(lift / (FAR * LIFT * size) - 1.0, 0.0)
 
 
 def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed: int, fine: float) -> Sensor:
@@ -168,7 +186,8 @@ def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed:
     total = float(areas.sum())
     random = np.random.default_rng(seed)
     side = -1.0 if meter.back else 1.0
-    first = rows.counts.get("cameras", 0)
+    first, height_error = rows.counts.get("cameras", 0), 0.0
+    size = max(extent(scene.tables), math.sqrt(total))
     for _ in range(REPLICATES):
         area_sample, u, v = ((random.random(3) + np.outer(np.arange(POINTS), STEPS)) % 1.0).T
         row, u = np.minimum(np.searchsorted(np.cumsum(areas), area_sample * total), len(areas) - 1), np.sqrt(u)
@@ -176,9 +195,10 @@ def _surface(rows: _Rows, scene: ir.Scene, meter: ir.Meter, material: int, seed:
         points = np.einsum("ni,nij->nj", weights, corners[row])
         above = np.maximum(8.0 * deviation[row], fine * LIFT * np.abs(points).max(axis=1, initial=LIFT, keepdims=False))
         half = 1e-3 * above
+        height_error = max(height_error, _height_error(float((fine * LIFT * np.abs(points)).max()), size, meter))
         _cameras(rows, _frames(points, side * across[row] / (2.0 * areas[row, None])), above, 2.0 * above, half, half)
     off = float(deviation.max(initial=0.0))
-    return Sensor(meter, range(first, first + REPLICATES * POINTS), (1, 1), total, 4.0 * math.sqrt(math.pi * total) * off)
+    return Sensor(meter, range(first, first + REPLICATES * POINTS), (1, 1), total, 4.0 * math.sqrt(math.pi * total) * off, height_error)
 
 
 def extent(tables: ir.Tables) -> float:

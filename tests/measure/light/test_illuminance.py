@@ -231,3 +231,16 @@ def test_errors_hold_for_many_seeds() -> None:
     right = math.pi * 500 * configuration_factor(1, 2, 1.5)
     means = [illuminance.read(scene, scene.meters, Effort(0.01, seed=seed))[0][0].mean for seed in range(40)]
     assert sum(abs(mean.value - right) <= mean.error for mean in means) >= 34
+
+
+def test_the_height_of_a_meter_far_from_the_origin_is_in_its_error() -> None:
+    def reading(far: float) -> illuminance.Reading:
+        ball = f"sphere(0.2, [{far}, 1, 0], material: emissive(luminance: 1000nit))"
+        return read(f"{ball}\nbox([2, 0.1, 2], [{far}, -0.05, 0])\nmeter([{far}, 0, 0])")[0]
+
+    exact = math.pi * 1000.0 * 0.2**2  # illuminance under a ball at a distance of 1 m
+    near, far = reading(0.0), reading(1e5)  # the second lies 1 mm above its plane
+    assert abs(near.mean.value - exact) < near.mean.error < 1e-3 * exact
+    assert 1e-3 * exact < abs(far.mean.value - exact) < far.mean.error
+    with pytest.raises(sensors.MeterError, match=r"1% of the scene's 2 m"):
+        reading(1e7)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 MAX_SHOWN_LINE = 160
+MAX_WORD = 200  # characters of a word that is compared with known ones
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -106,7 +107,12 @@ _SUGGESTED = 2  # names that have the word as a part
 
 
 def suggest(word: str, names: Iterable[str]) -> str:
-    """`did you mean …?` for a misspelt word, or for a part of names, as of `polished_brass`; an empty string without a similar name."""
+    """`did you mean …?` for a misspelt word, or for a part of names, as of `polished_brass`; an empty string without a similar name.
+
+    Words of more than MAX_WORD characters are not compared.
+    """
+    if len(word) > MAX_WORD:
+        return ""
     known = list(names)
     near = difflib.get_close_matches(word, known, n=1, cutoff=_MISSPELT) or [name for name in known if word in name.split("_")]
     near = near[:_SUGGESTED] or difflib.get_close_matches(word, known, n=1, cutoff=_SIMILAR)

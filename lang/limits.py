@@ -16,6 +16,7 @@ MAX_ELEMENTS = 2_000_000  # elements made, and elements placed, counting the rep
 MAX_TERMS = 50_000  # operations in one formula
 MAX_APPLIED = 250_000  # operations of one formula, equal ones counted each time
 MAX_FILES = 200  # files used
+MAX_ERRORS = 1000  # errors of one evaluation
 
 _STACK = 40_000  # Python frames: MAX_CALLS calls with some 50 nested expressions each, or one expression of the greatest depth
 
@@ -31,6 +32,10 @@ class Exhausted(InputError):
         self.of_elements = of_elements
         self.span: Span | None = None
         self.trace: tuple[tuple[str, Span], ...] = ()
+
+
+class TooManyErrors(Exception):
+    """An evaluation has reported MAX_ERRORS errors. It ends there."""
 
 
 class Meter:

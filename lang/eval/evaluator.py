@@ -11,7 +11,7 @@ from .. import limits, units
 from ..diagnostics import Diagnostics, Span, suggest
 from ..elements import Document, Element, ParamInfo
 from ..formula_graph import Formula, Graph, Term
-from ..limits import Exhausted, Meter
+from ..limits import Exhausted, Meter, TooManyErrors
 from ..schema.argument_types import Catalogue, Entry
 from ..syntax import ast
 from . import blocks, builtins, call_sites, calls, lint, operators, parameters
@@ -95,6 +95,8 @@ class Evaluator:
             hint = _parameter_hint(name, self.loader.sources.get(inner.file))
         key = (span, "" if span else message)
         if key not in self._reported:
+            if len(self._reported) >= limits.MAX_ERRORS:
+                raise TooManyErrors
             self._reported.add(key)
             self.diagnostics.error(message, span, hint, _shorten(trace))
 
@@ -110,19 +112,22 @@ class Evaluator:
     # --- files ---
 
     def document(self, source: Source, sets: Mapping[str, str]) -> Document:
-        """The evaluated scene of `source`."""
-        self._load_prelude(source)
-        module = self.loader.load(source, library=False)
+        """The evaluated scene of `source`. It ends at limits.MAX_ERRORS errors."""
         sink = Sink("scene")
         infos: list[ParamInfo] = []
+        names_length = False
         try:
+            self._load_prelude(source)
+            module = self.loader.load(source, library=False)
+            names_length = any(units.UNITS.get(name, (0, units.NONE))[1] == units.LENGTH for name in module.units_named)
             scope = self.scene = self.instance(module, self.read_sets(module, sets), "", None, self.outer)
             self._place_scene(module, scope, sink)
             infos = self._infos(module, scope)
         except Exhausted as limit:
             self._report_limit(limit)
+        except TooManyErrors:
+            self.diagnostics.error(f"more than {limits.MAX_ERRORS:,} errors: the rest of the scene is not checked", Span(source.name))
         read, files = self.loader.sources, tuple(self.loader.files)
-        names_length = any(units.UNITS.get(name, (0, units.NONE))[1] == units.LENGTH for name in module.units_named)
         return Document(source.name, tuple(sink.elements), tuple(sink.cameras), sink.settings, tuple(infos), read, files, names_length)
 
     def _load_prelude(self, source: Source) -> None:

@@ -17,8 +17,6 @@ RESERVED = frozenset({"true", "false", "children"})
 
 Report = Callable[[str, Span, str], None]
 
-MAX_COMPARED = 1000  # unknown names of a file that are compared with known ones
-
 
 @dataclass(slots=True)
 class Definition:
@@ -33,9 +31,7 @@ class Definition:
 Chain = tuple[dict[str, Definition], ...]  # innermost first
 
 
-def check_file(
-    module: Module, outer: Iterable[str], catalogue: Catalogue, report: Report, diagnostics: Diagnostics, main: bool
-) -> None:
+def check_file(module: Module, outer: Iterable[str], catalogue: Catalogue, report: Report, diagnostics: Diagnostics, main: bool) -> None:
     """Report the errors in the names of a file. `outer` are the names of the enclosing scopes, those of elements among them.
 
     In the rendered scene (`main`) an unused `let` gets a warning, unless the file places nothing and so serves other files, or items
@@ -67,7 +63,6 @@ class _Checker:
         self.report = report
         self.unused = unused
         self.is_whole = unused is not None and not unused.failed
-        self.unknown = 0  # names so far that nothing defines
         self.units = set[str]()  # of numbers
 
     def file(self, file: ast.File) -> None:
@@ -200,7 +195,6 @@ class _Checker:
                 definition.used = True
                 return
         if name.id not in self.outer:
-            self.unknown += 1
-            names = {n for scope in chain for n in scope} | self.outer if self.unknown <= MAX_COMPARED else ()
-            message, hint = suggestions.name(name.id, sorted(names))
+            names = sorted({n for scope in chain for n in scope} | self.outer)
+            message, hint = suggestions.name(name.id, names)
             self.report(message, name.span, hint)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from .. import units
-from ..diagnostics import suggest
+from ..diagnostics import MAX_WORD, suggest
 
 # Equivalents of an argument name, the likeliest first. Those that the element lacks are skipped.
 _ARGUMENTS: dict[str, tuple[str, ...]] = {
@@ -301,7 +301,8 @@ def name(word: str, names: Iterable[str]) -> tuple[str, str]:
     if word[-1] in _SUPERSCRIPTS and word[:-1]:
         hint = f"write {word[:-1]}^{_SUPERSCRIPTS[word[-1]]}"
     names = list(names)
-    near = "" if hint else suggest(word, names) or suggest(word.lower(), names)
+    near = "" if hint else suggest(word, names) or (suggest(word.lower(), names) if word != word.lower() else "")
+    word = word if len(word) <= MAX_WORD else f"{word[:MAX_WORD]}…"
     if near:
         return f"there is no `{word}` here; {near}", ""
     return f"there is no `{word}` here", hint or "let, param or use define a name"

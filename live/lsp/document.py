@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import takewhile
+from itertools import accumulate, takewhile
 
 from ...lang.diagnostics import Span
 from ...lang.syntax import ast
@@ -46,17 +46,26 @@ class DefinitionSite:
         return self.placed.span(self.definition.span)
 
 
+MAX_PARSED = 100_000  # characters of a file that are parsed for requests: an answer waits for their parser
+
+
 class Document:
     """The text of a file at `path`, which identifies it: an absolute path, or `std/room`. Immutable."""
 
     def __init__(self, path: str, text: str, before: Document | None = None) -> None:
-        """`before` is the last document of the file: it stands in for pieces that do not parse."""
+        """`before` is the last document of the file: it stands in for pieces that do not parse.
+
+        Pieces after the first MAX_PARSED characters are left out.
+        """
         self.path = path
         self.text = text.replace("\r\n", "\n").replace("\r", "\n")
         self.lines = self.text.split("\n")
         parts = [*cut(self.text)]
         ends = [above for above, _ in parts[1:]] + [len(self.lines)]
-        self.placed = [Placed(above, end, piece(part)) for (above, part), end in zip(parts, ends, strict=True)]
+        sizes = accumulate(len(part) for _, part in parts)
+        count = sum(1 for _ in takewhile(lambda size: size <= MAX_PARSED, sizes))
+        self.unparsed = parts[count][0] + 1 if count < len(parts) else 0  # first line that no request knows; 0: it knows all
+        self.placed = [Placed(above, end, piece(part)) for (above, part), end in zip(parts[:count], ends[:count], strict=True)]
         self.failed = any(each.piece.failed for each in self.placed)
         self.good: list[Placed] = self.placed
         if self.failed:

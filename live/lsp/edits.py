@@ -27,8 +27,8 @@ Replacement = tuple[int, int, str]  # first column, column behind the last, new 
 
 
 def formatted(places: Places, document: Document) -> list[types.TextEdit]:
-    """The edit to the standard layout; none for a file with syntax errors."""
-    text = document.text if document.failed else lay_out(document.text)
+    """The edit to the standard layout; none for a file with syntax errors, or more than MAX_PARSED characters."""
+    text = document.text if document.failed or document.unparsed else lay_out(document.text)
     return [] if text == document.text else [types.TextEdit(places.full_range(document), text)]
 
 

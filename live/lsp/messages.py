@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,7 +21,8 @@ from ...lang.eval import evaluator
 from ...lang.eval.values import Color, show
 from ...lang.syntax import ast
 from ...lang.units import Quantity
-from .pieces import cut, piece
+from .document import MAX_PARSED, Document
+from .pieces import begins_definition, cut, piece
 from .places import Places
 
 SEVERITIES = {
@@ -31,6 +32,7 @@ SEVERITIES = {
 }
 SOURCE = "maquette"
 MAX_MESSAGES = 200  # for a file
+MAX_TEXT = 2000  # characters of a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +61,7 @@ def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Ch
         except Exception as fault:
             message = f"internal error: {type(fault).__name__}: {fault}"
             items = [Diagnostic("error", message, Span(path), "this is a bug in maquette, not an error in the scene")]
-        values = _values(path, allow)
+        values = _values(path, allow) if len(items) <= MAX_MESSAGES else {}
     by_file: dict[str, list[Diagnostic]] = {path: []}
     for d in sort_diagnostics(items):
         file = _path(d.span)
@@ -70,8 +72,14 @@ def check(path: str, texts: Mapping[str, str], allow: Sequence[Path] = ()) -> Ch
 
 
 def places_nothing(path: str, texts: Mapping[str, str]) -> bool:
-    """Whether a file only defines names, for other files: as a scene of its own it would be empty, which is not a mistake."""
-    items = [item for _, text in cut(texts.get(path, "")) for item in piece(text).file.items]
+    """Whether a file only defines names, for other files: as a scene of its own it would be empty, which is not a mistake.
+
+    Of a file of more than MAX_PARSED characters the first word of each piece tells it.
+    """
+    text = texts.get(path, "")
+    if len(text) > MAX_PARSED:
+        return all(begins_definition(part) for _, part in cut(text))
+    items = [item for _, part in cut(text) for item in piece(part).file.items]
     return bool(items) and all(isinstance(item, ast.Let | ast.Param | ast.Use | ast.Unit) for item in items)
 
 
@@ -107,6 +115,14 @@ def merged(checked: Iterable[Checked]) -> dict[str, tuple[Diagnostic, ...]]:
     return {path: tuple(sort_diagnostics(items.values())) for path, items in by_file.items()}
 
 
+def of_size(document: Document) -> Iterator[Diagnostic]:
+    """The note that requests do not know the end of a large file."""
+    if document.unparsed:
+        line = document.unparsed
+        message = f"completion, hovers, references and layout know the first {MAX_PARSED:,} characters of a file: not those from here on"
+        yield Diagnostic("note", message, Span(document.path, line, 1, line, 1), "cut the file into several, which `use` joins")
+
+
 def to_client(d: Diagnostic, path: str, places: Places) -> types.Diagnostic:
     """A diagnostic for the editor. The hint is the second line of the message, the chain of calls is related information."""
     related = []
@@ -117,9 +133,10 @@ def to_client(d: Diagnostic, path: str, places: Places) -> types.Diagnostic:
             is_file = name.endswith(".scene") or name.startswith("std/")
             text = f"{os.path.basename(name)} is used here" if is_file else f"in {name}, called here"
             related.append(types.DiagnosticRelatedInformation(location, text))
+    text = f"{d.message}\n{d.hint}" if d.hint else d.message
     return types.Diagnostic(
         range=places.range(path, d.span or Span(path)),
-        message=f"{d.message}\n{d.hint}" if d.hint else d.message,
+        message=text if len(text) <= MAX_TEXT else f"{text[:MAX_TEXT]}…",
         severity=SEVERITIES[d.severity],
         source=SOURCE,
         tags=[types.DiagnosticTag.Unnecessary] if re.search("is never used$", d.message) else None,

@@ -224,6 +224,8 @@ def renamed(project: Project, document: Document, line: int, column: int) -> Tar
     """The definition that a rename at a place changes. Raises RenameError if it cannot be renamed."""
     if document.failed:
         raise RenameError("the file has syntax errors: mend them first")
+    if document.unparsed:
+        raise RenameError(f"the file is too large to rename in: its uses from line {document.unparsed} on are not known")
     symbol = target(project, document, line, column)
     if symbol is None or symbol.site is None:
         raise RenameError("there is no name of this file here")

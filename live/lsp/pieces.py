@@ -62,6 +62,11 @@ def cut(text: str) -> Iterator[tuple[int, str]]:
     yield first, "\n".join(lines[first:])
 
 
+def begins_definition(text: str) -> bool:
+    """Whether a piece begins with `let`, `param`, `use` or `unit`, after comments."""
+    return next((_ITEM.match(line) is not None for line in text.split("\n") if _code(line)), False)
+
+
 def _depths(text: str, count: int) -> list[int]:
     """The number of open brackets at the start of each line."""
     depths, depth = [0], 0

@@ -18,6 +18,7 @@ from ...lang.distribution import VERSION
 from ..scene_files import import_usd
 from . import completion, edits, messages, navigation
 from .document import Document
+from .frames import Frames
 from .messages import Checked
 from .places import Places
 from .project import Project, path_of
@@ -85,7 +86,9 @@ class Server(LanguageServer):
         """Send the diagnostics of all checked files, and clear those of files that have none any more."""
         by_file = messages.merged(self.checked.values())
         for path in {*by_file, *self._published}:
-            items = [messages.to_client(d, path, self.places) for d in by_file.get(path, ())[: messages.MAX_MESSAGES]]
+            opened = self.project.open.get(path)
+            notes = messages.of_size(opened) if opened else ()
+            items = [messages.to_client(d, path, self.places) for d in (*notes, *by_file.get(path, ())[: messages.MAX_MESSAGES])]
             version = self._versions.get(path)
             self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(self.project.uri(path), items, version))
         self._published = {path for path, items in by_file.items() if items}
@@ -227,4 +230,5 @@ def serve(allow: Sequence[Path]) -> None:
     logging.getLogger("pygls.protocol.json_rpc").addFilter(_is_fault)
     out: Any = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    make_server(allow).start_io(sys.stdin.buffer, out)
+    frames: Any = Frames(sys.stdin.buffer)
+    make_server(allow).start_io(frames, out)

@@ -322,7 +322,7 @@ class _Reader:
         if mapped:
             self.warn("the opacity of vertex colours is drawn as its mean on meshes with pictures")
             return mesh, gltf_materials.Fit(alpha=float(np.clip(alpha.mean(), 0.0, 1.0)))
-        return replace(mesh, uvs=vertex_numbers.coordinates(MeshAttribute(alpha))), gltf_materials.Fit(ramp=True)
+        return replace(mesh, uvs=vertex_numbers.coordinates(MeshAttribute(alpha), self.warn)), gltf_materials.Fit(ramp=True)
 
     def mapped(
         self, mesh: PolyMesh, fit: gltf_materials.Fit, sets: list[int], attributes: dict[str, int]

@@ -145,7 +145,7 @@ def mesh(
         diagnostics.warning(f"the material reads the primvar `{reads.uv}`, which this mesh lacks: each picture shows one texel", span)
         uvs = MeshAttribute(np.zeros((1, 2), np.float32), _At.CONSTANT)
     if reads.ramp and uvs is not None:
-        uvs = vertex_numbers.coordinates(uvs)
+        uvs = vertex_numbers.coordinates(uvs, lambda message: diagnostics.warning(f"{message} (primvar `{reads.uv}`)", span))
     colors = primvar(api, reads.color, time, 3, len(points), counts, diagnostics, span) if reads.color else None
     polygons = polygon_mesh.PolyMesh(points, counts, indices, normals, uvs, _colors(colors, diagnostics, span))
     if skin is not None and sound.all():

@@ -15,7 +15,7 @@ from pxr import UsdShade
 from ...scene.row_records import Color
 from . import stage
 from .audit import Audit
-from .shaders import graphs, materialx
+from .shaders import connections, graphs, materialx
 from .shaders.network import Graph, Picture, Primvar
 from .stage import Warnings
 
@@ -81,6 +81,7 @@ class Sources:
                 self.audit.shader(node.GetPrim(), kind)
                 return passed
             return fallback if self._loops else self.graphs.read(node, output, fallback)
+        connections.tell_circle(shader_input, self.warnings.tell)
         return fallback
 
     def _coordinates(self, node: Any, kind: str) -> tuple[str, Any] | None:

@@ -369,5 +369,5 @@ def test_media_and_cameras_come_back_as_they_were(tmp_path: Path, text: str, exp
 @pytest.mark.parametrize("text", ["fog(visibility: 1e-30)", "sphere(1, medium: medium(depth: 1e-30))"])
 def test_media_too_dense_are_refused(tmp_path: Path, text: str) -> None:
     source = written(tmp_path, "in.scene", f"sphere(1)\n{text}\n")
-    with pytest.raises(SceneError, match="must be 0.001um or more"):
+    with pytest.raises(SceneError, match=r"must be 0\.001um or more"):
         load(source)

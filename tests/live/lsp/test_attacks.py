@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,9 +40,8 @@ def test_the_message_after_a_wrong_header_is_read(editor: Editor, header: bytes)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("line", ["sphere(name{i})\n", "let a{i} = name{i}\n"])
-def test_many_unknown_names_delay_no_answer(editor: Editor, line: str) -> None:
-    text = "".join(line.format(i=i) for i in range(100_000))
+def test_many_unknown_names_delay_no_answer(editor: Editor) -> None:
+    text = "".join(f"sphere(name{i})\n" for i in range(100_000))
     editor.open("a.scene", f"box()\n{text}")
     assert "box" in hover(editor, "a.scene", 0, 1)["contents"]["value"]
     note, *messages = editor.checked("a.scene")
@@ -95,27 +93,3 @@ def test_files_that_are_none_are_told(editor: Editor, tmp_path: Path) -> None:
         editor.tell("textDocument/didClose", {"textDocument": {"uri": editor.uri(f"{name}.scene")}})
         hover(editor, f"{name}.scene", 0, 1)
     assert "sphere" in hover(editor, "a.scene", len(names), 2)["contents"]["value"]
-
-
-@pytest.mark.long
-def test_files_that_go_while_they_are_checked(editor: Editor, tmp_path: Path) -> None:
-    (tmp_path / "a.scene").write_text('use "b.scene"\nb.ball\n')
-    (tmp_path / "b.scene").write_text('use "a.scene"\nlet ball = sphere(1)\n')
-    stop = threading.Event()
-
-    def flicker() -> None:
-        while not stop.is_set():
-            (tmp_path / "b.scene").unlink(missing_ok=True)
-            (tmp_path / "b.scene").write_text('use "a.scene"\nlet ball = sphere(1)\n')
-
-    thread = threading.Thread(target=flicker)
-    thread.start()
-    for k in range(20):
-        editor.open("a.scene", f'use "b.scene"\nb.ball\nsphere({k})\n')
-        hover(editor, "a.scene", 1, 3)
-        editor.close("a.scene")
-    stop.set()
-    thread.join()
-    editor.open("a.scene", 'use "b.scene"\nb.ball\n')
-    editor.open("b.scene", 'use "a.scene"\nlet ball = sphere(1)\n')
-    assert any("uses itself" in d["message"] for d in editor.checked("a.scene") + editor.checked("b.scene"))

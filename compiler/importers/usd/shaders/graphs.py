@@ -17,6 +17,7 @@ from ....texture_graph.graph_builder import TooLarge
 from ...materialx import elementary, library, patterns, physical, pictures
 from ...materialx.evaluator import Evaluator, NotDrawn
 from ...materialx.graph import Node, Port
+from . import connections
 from .network import Graph
 
 Tell = Callable[[str, Any], None]
@@ -157,6 +158,7 @@ class Graphs:
             value = attribute.Get(self.time)
             if value is not None:
                 return Port(kind, _plain(self.linear(attribute, value), kind), space=str(attribute.GetColorSpace() or ""))
+        connections.tell_circle(shader_input, self.tell)
         return None
 
 

@@ -196,3 +196,22 @@ def test_a_node_that_is_not_drawn_is_named(tmp_path):
     scene, messages = drawn(tmp_path, "color3f inputs:base_color.connect = </m/f.outputs:out>", nodes=nodes)
     assert messages == ["x.usda</m/f>: warning: the shader `ND_flake3d` is not drawn: the input it feeds takes its default"]
     assert slot(scene, "DIFFUSE") == pytest.approx([0.8] * 3)
+
+
+@pytest.mark.parametrize("through_node", [False, True])
+def test_a_circle_of_interface_inputs_is_told(tmp_path, through_node):
+    nodes = """def NodeGraph "g" {
+        float inputs:a.connect = </m/g.inputs:b>
+        float inputs:b.connect = </m/g.inputs:a>
+        float outputs:out.connect = </m/g/n.outputs:out>
+        def Shader "n" { uniform token info:id = "ND_multiply_float"
+            float inputs:in1.connect = </m/g.inputs:a>
+            float inputs:in2 = 0.5
+            float outputs:out } }"""
+    source = "outputs:out" if through_node else "inputs:a"
+    scene, messages = drawn(tmp_path, f"float inputs:specular_roughness.connect = </m/g.{source}>", nodes=nodes)
+    name = "in1" if through_node else "specular_roughness"
+    told = [m for m in messages if f"the input `{name}` takes its default: its connections form a circle at `/m/g.inputs:" in m]
+    assert len(told) == 1
+    assert told[0].startswith("x.usda</m/g>: warning: ")
+    assert slot(scene, "ROUGHNESS")[0] == pytest.approx(0.0 if through_node else 0.2)

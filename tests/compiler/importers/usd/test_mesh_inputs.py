@@ -77,7 +77,8 @@ def test_a_number_that_varies_is_the_coordinate_of_a_ramp(tmp_path, name, value)
     scene, messages = read(tmp_path, stage(f"float inputs:{name}.connect = </m/n.outputs:result>", READER.format("wear"), extra))
     t = scene.tables
     row = t.materials.textures[0, ir.Slot[value]]
-    assert (messages, slot(scene, value)) == ([], [1, 0, 0])
+    told = "1 of 4 numbers at vertices lie outside 0 to 1: they count as 0 or 1 (primvar `wear`)"
+    assert (messages, slot(scene, value)) == ([f"x.usda</thing>: warning: {told}"], [1, 0, 0])
     assert attribute(scene, "uvs")[..., 0].tolist() == [[0, 0.25, 0.5], [0, 0.5, 1]]
     assert (t.textures.frame[row] @ [[0, 1], [0, 0], [1, 1]]).tolist() == [[0.25, 0.75], [0.5, 0.5]]
 

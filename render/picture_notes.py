@@ -27,7 +27,7 @@ LATE, LATE_SHARE = 0.5, 0.1  # seconds, and share of a budget, from which a warn
 MATTERS = 0.3  # share of the seconds that a picture is late, from which a step is named
 WAITING = 0.5  # CPU seconds a second, below which a process mostly waits
 SLOWED = "other work or a slow disk delays it: end that work, or give a longer --budget"
-SPARSE, SEEN = 0.5, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
+SPARSE, SEEN = 0.4, 0.02  # share of the squared error in few pixels, and error, from which a note calls the estimate uncertain
 
 
 def of_render(about: Mapping[str, Any], scene: ir.Scene, plan: Plan, settings: ir.Settings) -> list[Diagnostic]:

@@ -391,7 +391,9 @@ class Canvas:
         mean = float(np.sum(finite) + 2.0 * alone * np.mean(finite)) / (finite.size + alone)
         sparse = 0.0
         if relative.shape == self.samples.shape:
-            sparse = stray_samples.share_of_error(relative, self.channels["rgba"], self.differences)
+            picture = relative, self.channels["rgba"], self.differences
+            hidden = stray_samples.share_in_dark_pixels(*picture, self.samples, self._shares(), self.least, self.threads)
+            sparse = max(stray_samples.share_of_error(*picture), hidden)
         return (1.0 if self.settled else adaptive_sampling.SELECTION) * math.sqrt(mean), sparse
 
     def finish(self, view: View) -> image.Image:

@@ -5,10 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import thread_pool
+from .accumulate import FAINTEST
+
 FEW = 1000  # the pixels of a picture over those with the largest errors that are looked at
 SPARSE = 16  # pixels, of which one is looked at first
 BRIGHTER = 1.25  # times the brightest of its neighbors, from which on a pixel holds a stray bright sample
+ENOUGH = 10.0  # samples: a pixel of n samples is taken to have at least the share ENOUGH / n of the light that it shows
+DARK = 0.75  # of what a pixel shows, from which on half of the difference of its halves shows that one of them is dark
+OUTSHINES = 4.0  # times the brightest of its neighbors, from which on a single sample is none of an edge
+CANDIDATES = 8  # pixels that are looked at for each of the few
+ROWS = 64  # of pixels, that a thread takes at a time
 DECIDES = 0.5  # of what a pixel is brighter by, from which on the difference of its halves shows that few samples make it so
+
+Places = NDArray[np.intp]
+_NONE: tuple[Places, Places, NDArray[np.float64]] = (np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
 
 
 def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32], differences: NDArray[np.float32]) -> float:
@@ -26,15 +37,68 @@ def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32], dif
         return 0.0
     few = finite.size // FEW
     y, x = np.divmod(_largest(finite.reshape(-1), few), width)
-    center, second = _light(rgba, y, x), np.zeros(few)
+    center, second = _light(rgba, y, x), _brightest_neighbor(rgba, y, x)
+    stray = (center > BRIGHTER * second) & (_half(differences, y, x) > DECIDES * (center - second))
+    return float(finite[y, x][stray].sum()) / total
+
+
+def share_in_dark_pixels(
+    relative: NDArray[np.float64], rgba: NDArray[np.float32], differences: NDArray[np.float32], samples: NDArray[np.int64],
+    shares: NDArray[np.float64], least: float, threads: int = 1,
+) -> float:  # fmt: skip
+    """The share of the squared error in few pixels with a stray bright sample that bright neighbors hide: dark ones beside a flame.
+
+    For the light of a pixel accumulate.relative_error takes at least half of what it shows, which may be a single sample of a dark pixel.
+    Here it is the geometric mean of its halves, at least ENOUGH / `samples` and FAINTEST of what it shows. The few pixels are those with
+    one dark half whose errors (h, w) grow most by that. Such a sample is brighter than all around the pixel. That of an edge is not.
+
+    `shares` (h, w) are the variance of pixels over the square of their `differences`, `least` is the ε² of relMSE. Otherwise as
+    share_of_error.
+    """
+    total, few = float(np.sum(relative, where=np.isfinite(relative))), relative.size // FEW
+    if total <= 0.0 or not few:
+        return 0.0
+    parts: list[tuple[Places, Places, NDArray[np.float64]]] = [_NONE] * -(-len(relative) // ROWS)
+
+    def some(top: int) -> None:
+        rows = slice(top, top + ROWS)
+        dark = _sums(differences[rows]) > DARK * _sums(rgba[rows])
+        y, x = np.nonzero(dark & (samples[rows] > ENOUGH) & np.isfinite(relative[rows]))
+        y += top
+        mean, half = (np.square(values, dtype=np.float64) for values in (rgba[y, x, :3], differences[y, x]))
+        faintest = np.square(np.maximum(ENOUGH / samples[y, x], FAINTEST))[:, None]
+        errors = (half / (np.maximum(mean - half, faintest * mean) + least)).mean(axis=1) * shares[y, x]
+        parts[top // ROWS] = y, x, np.maximum(errors - relative[y, x], 0.0)
+
+    thread_pool.parallel_for(some, range(0, len(relative), ROWS), threads)
+    y, x, growth = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    most = np.argsort(-growth, kind="stable")[: CANDIDATES * few]
+    y, x, growth = y[most], x[most], growth[most]
+    stray = samples[y, x] * _half(differences, y, x) > OUTSHINES * _brightest_neighbor(rgba, y, x)
+    first = np.flatnonzero(stray & (growth > 0.0))[:few]
+    grown = float(growth[first].sum())
+    return (grown + float(relative[y, x][first].sum())) / (total + grown)
+
+
+def _sums(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w) sums of the magnitudes of red, green and blue; faster than a sum over the last axis."""
+    return np.abs(values[..., 0]) + np.abs(values[..., 1]) + np.abs(values[..., 2])
+
+
+def _brightest_neighbor(rgba: NDArray[np.float32], y: NDArray[np.intp], x: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(n,) light of the brightest of the eight neighbors of pixels."""
+    second = np.zeros(len(y))
     for down, right in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)):
         v, u = y + down, x + right
-        inside = (v >= 0) & (v < len(rgba)) & (u >= 0) & (u < width)
+        inside = (v >= 0) & (v < len(rgba)) & (u >= 0) & (u < rgba.shape[1])
         light = np.nan_to_num(_light(rgba, np.where(inside, v, y), np.where(inside, u, x)))
         second = np.maximum(second, np.where(inside, light, 0.0))
-    halves = np.abs(differences[y, x]).sum(axis=1, dtype=np.float64)
-    stray = (center > BRIGHTER * second) & (halves > DECIDES * (center - second))
-    return float(finite[y, x][stray].sum()) / total
+    return second
+
+
+def _half(differences: NDArray[np.float32], y: NDArray[np.intp], x: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(n,) sums of red, green and blue of half of the difference of pixels' halves."""
+    return np.abs(differences[y, x]).sum(axis=1, dtype=np.float64)
 
 
 def _largest(values: NDArray[np.float64], few: int) -> NDArray[np.intp]:

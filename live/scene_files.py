@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -75,9 +76,14 @@ def import_usd() -> None:
     from ..compiler.importers.usd import load  # noqa: F401
 
 
+def real_path(path: str | Path) -> Path:
+    """A full path without links. One whose links go round in a circle stays as it is: Path.resolve raises RuntimeError there."""
+    return Path(os.path.realpath(path))
+
+
 def of_scene(files: Iterable[str | Path], main: Path) -> list[Path]:
     """The files of a scene that the page edits: the main .scene file and those that it uses, without the library."""
-    paths = dict.fromkeys([main.resolve(), *(Path(file).resolve() for file in files)])
+    paths = dict.fromkeys([real_path(main), *map(real_path, files)])
     return [path for path in paths if path.suffix.lower() in file_types.SCENE and not path.is_relative_to(LIBRARY)]
 
 
@@ -147,6 +153,6 @@ def resolved(name: str) -> str | None:
     """The path of a displayed file name; None if it is not a file's."""
     try:
         path = Path(name)
-        return str(path.resolve()) if path.suffix else None
+        return str(real_path(path)) if path.suffix else None
     except (OSError, ValueError, RuntimeError):
         return None

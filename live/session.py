@@ -105,7 +105,7 @@ class Session:
         page.put("state", {"type": "state", "state": self.studio.state.to_json(), "from": 0})
 
     def _adopt(self, changes: dict[str, Any], texts: Any) -> None:
-        folder = self.opened.path.resolve().parent
+        folder = scene_files.real_path(self.opened.path).parent
 
         def update(state: State) -> State:
             for name in changes:  # fields that this version does not take are left out
@@ -113,7 +113,7 @@ class Session:
                     state = state.changed({name: changes[name]})
                 except StateError:
                     continue
-            for path, text in (texts.items() if isinstance(texts, dict) else ()):
+            for path, text in texts.items() if isinstance(texts, dict) else ():
                 if isinstance(text, str) and path.endswith(".scene") and Path(path).is_relative_to(folder):
                     state = state.with_text(path, text)
             return state
@@ -164,7 +164,7 @@ class Session:
 
     def _write_params(self, page: Page, message: dict[str, Any]) -> None:
         """Put the values of params into the source: into the unsaved text if there is one, else into the file."""
-        state, path = self.studio.state, str(self.opened.path.resolve())
+        state, path = self.studio.state, str(scene_files.real_path(self.opened.path))
         names = message.get("names")
         values = {name: text for name, text in state.sets.items() if names is None or name in names}
         if not values or not self.opened.scene:
@@ -204,7 +204,7 @@ class Session:
 
 
 def _short_name(path: Path, main: Path) -> str:
-    folder = main.resolve().parent
+    folder = scene_files.real_path(main).parent
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else path.name
 
 

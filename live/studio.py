@@ -86,7 +86,7 @@ class Studio:
         self.opened, self._edited = opened, edited
         self.tell, self.show, self._finished = tell, show, finished
         self.state = State()
-        self.files: tuple[Path, ...] = (opened.path.resolve(),)
+        self.files: tuple[Path, ...] = (scene_files.real_path(opened.path),)
         self.current: Current | None = None
         self._compiled: Compiled | None = None
         self._stages = stage_cache.StageCache()
@@ -198,10 +198,10 @@ class Studio:
             with self._compilation.running(), self._stages.compiling():
                 scene = self.opened.compile(state, diagnostics)
         except SceneError as error:
-            named = (Path(d.span.file).resolve() for d in error.diagnostics if d.span and Path(d.span.file).is_file())
+            named = (scene_files.real_path(d.span.file) for d in error.diagnostics if d.span and Path(d.span.file).is_file())
             self._set_files([*self.files, *named], began, state.texts)
             raise
-        self._set_files([self.opened.path.resolve(), *map(Path, scene.files)], began, state.texts)
+        self._set_files([scene_files.real_path(self.opened.path), *map(Path, scene.files)], began, state.texts)
         key = (self._disk, *key[1:])
         self._compiled = Compiled(key, scene, tuple(diagnostics.items))
         self.tell({"type": "params", "items": params.controls(scene)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 import signal
 import threading
 import time
@@ -73,7 +74,8 @@ def _build(build: Callable[[], Iterable[Path]], files: Iterable[Path]) -> dict[P
     """The files that were read, with their stamps before the build, so that a save during the build is detected."""
     began = time.time_ns()
     before = {file: _stamp(file) for file in files}
-    read = {Path(file).resolve() for file in build()}
+    named = {Path(os.path.abspath(file)) for file in build()}
+    read = named | {Path(os.path.realpath(file)) for file in named}  # a link may become a file, and its target may change
     return {file: before[file] if file in before else _stamp_before(began, file) for file in read}
 
 

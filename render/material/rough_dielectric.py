@@ -128,14 +128,21 @@ def of_row(table: AlbedoTables, material: Lane, inside: Lane, alpha: Lane, ratio
 
 
 @helper
-def lost_share(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
-    """1 − E at a cosine, on the side whose rows begin at `row`."""
+def _rows_at(frost: RoughGlass, row: Lane, cosine: Lane) -> tuple[Any, Any, Lane, Lane]:
+    """(numbers of `each` at a cosine in the row below the roughness and in the next, fractions to the next column and row)."""
     below, y = energy_compensation.row_of(frost.alpha, ROWS)
     column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
     cell = ops.minimum(ops.floor_int(column), COLUMNS - 2)
     x = column - ops.to_float(cell)
     lower = row_gather.four_at(frost.table.each, (row + below) * COLUMNS + cell)
     upper = row_gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + cell)
+    return lower, upper, x, y
+
+
+@helper
+def lost_share(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
+    """1 − E at a cosine, on the side whose rows begin at `row`."""
+    lower, upper, x, y = _rows_at(frost, row, cosine)
     return ops.lerp(ops.lerp(lower[0], lower[1], x), ops.lerp(upper[0], upper[1], x), y)
 
 
@@ -151,12 +158,7 @@ def mean_lost_shares(frost: RoughGlass) -> tuple[Lane, Lane, Lane]:
 @helper
 def reflected_share(frost: RoughGlass, row: Lane, cosine: Lane) -> Lane:
     """R at a cosine, on the side whose rows begin at `row`: an upper bound, smeared where a smooth boundary begins to reflect all light."""
-    below, y = energy_compensation.row_of(frost.alpha, ROWS)
-    column = energy_compensation.column_of(ops.clip(cosine, 0.0, 1.0), frost.alpha) * (COLUMNS - 1.0)
-    cell = ops.minimum(ops.floor_int(column), COLUMNS - 2)
-    x = column - ops.to_float(cell)
-    lower = row_gather.four_at(frost.table.each, (row + below) * COLUMNS + cell)
-    upper = row_gather.four_at(frost.table.each, (row + below + 1) * COLUMNS + cell)
+    lower, upper, x, y = _rows_at(frost, row, cosine)
     return ops.lerp(ops.lerp(lower[2], lower[3], x), ops.lerp(upper[2], upper[3], x), y)
 
 

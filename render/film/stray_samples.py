@@ -44,7 +44,7 @@ def share_of_error(relative: NDArray[np.float64], rgba: NDArray[np.float32], dif
 
 def share_in_dark_pixels(
     relative: NDArray[np.float64], rgba: NDArray[np.float32], differences: NDArray[np.float32], samples: NDArray[np.int64],
-    shares: NDArray[np.float64], least: float, threads: int = 1,
+    shares: NDArray[np.float64], squared_epsilon: float, threads: int = 1,
 ) -> float:  # fmt: skip
     """The share of the squared error in few pixels with a stray bright sample that bright neighbors hide: dark ones beside a flame.
 
@@ -52,30 +52,30 @@ def share_in_dark_pixels(
     Here it is the geometric mean of its halves, at least ENOUGH / `samples` and FAINTEST of what it shows. The few pixels are those with
     one dark half whose errors (h, w) grow most by that. Such a sample is brighter than all around the pixel. That of an edge is not.
 
-    `shares` (h, w) are the variance of pixels over the square of their `differences`, `least` is the ε² of relMSE. Otherwise as
+    `shares` (h, w) are the variance of pixels over the square of their `differences`, `squared_epsilon` is the ε² of relMSE. Otherwise as
     share_of_error.
     """
-    total, few = float(np.sum(relative, where=np.isfinite(relative))), relative.size // FEW
-    if total <= 0.0 or not few:
+    total, count = float(np.sum(relative, where=np.isfinite(relative))), relative.size // FEW
+    if total <= 0.0 or not count:
         return 0.0
     parts: list[tuple[Places, Places, NDArray[np.float64]]] = [_NONE] * -(-len(relative) // ROWS)
 
-    def some(top: int) -> None:
+    def find_in_rows(top: int) -> None:
         rows = slice(top, top + ROWS)
         dark = _sums(differences[rows]) > DARK * _sums(rgba[rows])
         y, x = np.nonzero(dark & (samples[rows] > ENOUGH) & np.isfinite(relative[rows]))
         y += top
         mean, half = (np.square(values, dtype=np.float64) for values in (rgba[y, x, :3], differences[y, x]))
         faintest = np.square(np.maximum(ENOUGH / samples[y, x], FAINTEST))[:, None]
-        errors = (half / (np.maximum(mean - half, faintest * mean) + least)).mean(axis=1) * shares[y, x]
+        errors = (half / (np.maximum(mean - half, faintest * mean) + squared_epsilon)).mean(axis=1) * shares[y, x]
         parts[top // ROWS] = y, x, np.maximum(errors - relative[y, x], 0.0)
 
-    thread_pool.parallel_for(some, range(0, len(relative), ROWS), threads)
+    thread_pool.parallel_for(find_in_rows, range(0, len(relative), ROWS), threads)
     y, x, growth = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    most = np.argsort(-growth, kind="stable")[: CANDIDATES * few]
-    y, x, growth = y[most], x[most], growth[most]
+    candidates = np.argsort(-growth, kind="stable")[: CANDIDATES * count]
+    y, x, growth = y[candidates], x[candidates], growth[candidates]
     stray = samples[y, x] * _half(differences, y, x) > OUTSHINES * _brightest_neighbor(rgba, y, x)
-    first = np.flatnonzero(stray & (growth > 0.0))[:few]
+    first = np.flatnonzero(stray & (growth > 0.0))[:count]
     grown = float(growth[first].sum())
     return (grown + float(relative[y, x][first].sum())) / (total + grown)
 

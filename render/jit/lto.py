@@ -75,7 +75,7 @@ class _Library(JITCodeLibrary):
         if self._shared_module is None:
             module = self._shared_module = binding.parse_assembly("")
             module.name, module.triple, module.data_layout = self.name, self._final_module.triple, self._codegen._data_layout
-            _link(module, [self], whole=True)
+            _link(module, [self], with_separate=True)
         return self._shared_module
 
 
@@ -150,19 +150,19 @@ def _build(codegen: Any, module: Any, libraries: list[Any]) -> Linked:
     return Linked(tuple(undefined), [library for name, library in separate.items() if name in declared])
 
 
-def _link(module: Any, libraries: list[Any], whole: bool = False) -> list[_Library]:
-    """Link libraries and their callees into a module; only called functions stay. Return the separate fragments, linked only with `whole`.
+def _link(module: Any, libraries: list[Any], with_separate: bool = False) -> list[_Library]:
+    """Link libraries and their callees into a module; only called functions stay. Return the separate fragments.
 
-    Linkage changes after linking: LLVM does not link discardable functions that are not called yet.
+    These are linked only `with_separate`. Linkage changes after linking: LLVM does not link discardable functions that are not called yet.
     """
     defined = {function.name for function in module.functions if not function.is_declaration}
-    linked, separate, others = dict[Any, _Library](), dict[str, _Library](), dict[Any, None]()
+    linked, separate, foreign = dict[Any, _Library](), dict[str, _Library](), dict[Any, None]()
     todo = list(reversed(libraries))
     while todo:
         library = todo.pop()
         if not isinstance(library, _Library):
-            others[library] = None
-        elif library.separate and not whole:
+            foreign[library] = None
+        elif library.separate and not with_separate:
             separate[library.key] = library
         elif (library.key or library) not in linked:
             linked[library.key or library] = library
@@ -172,7 +172,7 @@ def _link(module: Any, libraries: list[Any], whole: bool = False) -> list[_Libra
     for function in module.functions:
         if not function.is_declaration and function.name not in defined:
             function.linkage = "linkonce_odr"
-    for library in others:
+    for library in foreign:
         module.link_in(library._get_module_for_linking(), preserve=True)
     return list(separate.values())
 

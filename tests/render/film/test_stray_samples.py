@@ -77,9 +77,9 @@ def hidden(samples: np.ndarray) -> tuple[float, float]:
     """(estimated √relMSE, share of its square in dark pixels) of a picture of samples (n, h, w)."""
     _, rgba, differences = of_samples(samples)
     relative, counts = np.empty(rgba.shape[:2]), np.full(rgba.shape[:2], len(samples))
-    least = (metrics.EPSILON * float(rgba[..., :3].mean())) ** 2
-    accumulate.relative_error(differences, rgba, counts, np.ones(32), least, relative)
-    share = stray_samples.share_in_dark_pixels(relative, rgba, differences, counts, np.ones(counts.shape), least, 2)
+    squared_epsilon = (metrics.EPSILON * float(rgba[..., :3].mean())) ** 2
+    accumulate.relative_error(differences, rgba, counts, np.ones(32), squared_epsilon, relative)
+    share = stray_samples.share_in_dark_pixels(relative, rgba, differences, counts, np.ones(counts.shape), squared_epsilon, 2)
     return float(np.sqrt(relative.mean())), share
 
 
@@ -103,8 +103,8 @@ def test_strays_in_dark_pixels_beside_a_flame_are_found(seed: int, n: int) -> No
     """The flame is brighter than the pixel of the stray, and the estimate takes half of that pixel's mean for its light: it is too low."""
     samples, light = beside_a_flame(seed, n)
     true = float(np.sqrt(np.square((samples.mean(axis=0) - light) / light).mean()))
-    told, share = hidden(samples)
-    assert told < 0.5 * true
+    estimate, share = hidden(samples)
+    assert estimate < 0.5 * true
     assert share > 0.9
     assert stray_samples.share_of_error(*of_samples(samples)) == 0.0
 

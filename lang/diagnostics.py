@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import difflib
 import functools
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 MAX_SHOWN_LINE = 160
 MAX_WORD = 200  # characters of a word that is compared with known ones
+MAX_NAMES = 1000  # known names that a word is compared with
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -109,13 +111,14 @@ _SUGGESTED = 2  # names that have the word as a part
 def suggest(word: str, names: Iterable[str]) -> str:
     """`did you mean …?` for a misspelt word, or for a part of names, as of `polished_brass`; an empty string without a similar name.
 
-    Words of more than MAX_WORD characters are not compared.
+    Words of more than MAX_WORD characters, and more than MAX_NAMES names, are not compared.
     """
-    if len(word) > MAX_WORD:
+    known = list(itertools.islice(names, MAX_NAMES + 1))
+    if len(word) > MAX_WORD or len(known) > MAX_NAMES:
         return ""
-    known = list(names)
-    near = difflib.get_close_matches(word, known, n=1, cutoff=_MISSPELT) or [name for name in known if word in name.split("_")]
-    near = near[:_SUGGESTED] or difflib.get_close_matches(word, known, n=1, cutoff=_SIMILAR)
+    near = difflib.get_close_matches(word, known, n=1, cutoff=_SIMILAR)
+    if not near or difflib.SequenceMatcher(None, near[0], word).ratio() < _MISSPELT:
+        near = [name for name in known if word in name.split("_")][:_SUGGESTED] or near
     return f"did you mean {' or '.join(f'`{name}`' for name in near)}?" if near else ""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from ..diagnostics import Diagnostics, Span, suggest
+from ..diagnostics import MAX_NAMES, Diagnostics, Span, suggest
 from ..schema.argument_types import Catalogue
 from ..schema.shapes import GROUP
 from ..syntax import ast
@@ -195,6 +195,7 @@ class _Checker:
                 definition.used = True
                 return
         if name.id not in self.outer:
-            names = sorted({n for scope in chain for n in scope} | self.outer)
+            is_short = len(self.outer) + sum(map(len, chain)) <= MAX_NAMES
+            names = sorted({n for scope in chain for n in scope} | self.outer) if is_short else []
             message, hint = suggestions.name(name.id, names)
             self.report(message, name.span, hint)

@@ -38,3 +38,10 @@ def test_names_do_not_control_the_terminal(name: str, shown: str) -> None:
 )
 def test_names_like_an_unknown_word_are_suggested(word: str, suggestion: str) -> None:
     assert suggest(word, ["amber_glass", "polished_brass", "patina_brass", "radius", "height", "base_color"]) == suggestion
+
+
+def test_words_are_not_compared_with_many_names() -> None:
+    """100,000 names and 1,000 unknown words took minutes."""
+    names = [f"name{k}" for k in range(100_000)]
+    assert suggest("name1x", names[:1000]) == "did you mean `name1`?"
+    assert suggest("name1x", names) == ""

@@ -1,4 +1,4 @@
-"""Headers of the messages that an editor sends: wrong ones are told, and the message after them is read."""
+"""Reader of message headers of the Language Server Protocol: it logs a malformed header and continues with the next message."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _logger = logging.getLogger(__name__)
 
 
 class Frames:
-    """The input of pygls over that of an editor. pygls takes the lines of headers by `readline`, and the messages by `read`.
+    """The input stream of pygls, which takes header lines by `readline` and messages by `read`; `stream` comes from the editor.
 
-    A message without a sound header ends in the line of the next header, as JSON needs no line break: `readline` then answers
-    with that header alone. Wrong headers are logged, to stderr.
+    JSON needs no line break at its end. So a message whose header is malformed ends in the line of the next header, and `readline`
+    returns that header alone. Malformed headers are logged to stderr.
     """
 
     def __init__(self, stream: BinaryIO) -> None:

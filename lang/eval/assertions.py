@@ -39,10 +39,10 @@ def values_of(shown: Operands, scope: Scope) -> str:
 
 
 def _parts(node: ast.Node) -> Iterator[ast.Name | ast.Member]:
-    """The outermost names and members in an expression, without callees and the bodies of functions and comprehensions."""
+    """The outermost names and members in an expression, without callees and the contents of functions, comprehensions and blocks."""
     if isinstance(node, ast.Name | ast.Member):
         yield node
-    elif not isinstance(node, ast.Function | ast.Comprehension):
+    elif not isinstance(node, ast.Function | ast.Comprehension | ast.BlockExpression):
         callee = node.function if isinstance(node, ast.Call) else None
         for child in ast.children(node):
             if child is not callee:

@@ -14,6 +14,7 @@ from ..syntax import ast
 from . import arguments, calls
 from . import parameters as eval_parameters
 from .context import Code, Names, Scope, Thunk
+from .evaluation_order import evaluation_order
 from .expressions import MISSING, constant, expression, lazily, source, truth
 from .modules import Module, use_name
 from .values import PLACEABLE, FunctionCode, Mistake, ParameterCode, Poisoned, UserFunction, Value
@@ -159,6 +160,30 @@ def block(node: ast.Block, names: Names | None, variable: str | None = None) -> 
             force_unused(inner)
 
     return run
+
+
+def _block_expression(node: ast.BlockExpression, names: Names | None) -> Code:
+    """The code of `{ let a = b; result }`. Definitions that the result does not use are not evaluated."""
+    inside = Names([let.name.id for let in node.lets], names) if names is not None else None
+    bindings, needed = definitions(node.lets, inside), evaluation_order(node)
+    result = expression(node.result.expression, inside)
+
+    def run(scope: Scope) -> Value:
+        inner = scope.inner()
+        bind(bindings, inner)
+        for name in needed:
+            thunk = inner.names[name]
+            if type(thunk) is Thunk:
+                try:
+                    scope.evaluator.force(thunk, thunk.span, inner)
+                except Poisoned:
+                    continue  # the result raises it again, after the errors of other definitions
+        return result(inner)
+
+    return run
+
+
+COMPILERS: dict[type, Callable[[Any, Names | None], Code]] = {ast.BlockExpression: _block_expression}
 
 
 def collector(node: ast.Block, names: Names | None) -> Callable[[Scope], tuple[Element, ...]]:

@@ -23,7 +23,7 @@ from .values import PLACEABLE, AssetPart, Closure, Color, FilePart, Mistake, Poi
 
 __all__ = ["Evaluator", "ReadError", "Reader", "Source", "evaluate", "values"]
 
-COMPILERS.update(call_sites.COMPILERS)
+COMPILERS.update(call_sites.COMPILERS | blocks.COMPILERS)
 
 MAX_TRACE = 12  # calls of a chain in a message
 _linted: set[tuple[str, str, frozenset[str]]] = set()  # library files without lint errors: text, name, outer names
@@ -217,6 +217,8 @@ class Evaluator:
                 arguments[name] = calls.set_value(params[name], text, scope, self)
             except Poisoned:
                 continue
+            except RecursionError:
+                self.report("this is nested too deeply", Span(f"--set {name}"), "give it fewer nested blocks")
         return arguments
 
     # --- items ---

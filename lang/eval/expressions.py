@@ -419,4 +419,4 @@ COMPILERS: dict[type, Callable[[Any, Names | None], Code]] = {
     ast.Index: _index,
     ast.Member: _member,
 }
-"""The compilers of nodes by type; evaluator.py adds those of calls."""
+"""The compilers of nodes by type; evaluator.py adds those of calls and blocks."""

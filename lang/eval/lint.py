@@ -155,6 +155,8 @@ class _Checker:
                         self._visit(part, inner)
             case ast.Function():
                 self._visit(node.body, self._scope(node.parameters, "parameter", chain))
+            case ast.BlockExpression():
+                self._items((*node.lets, node.result), chain)
             case ast.Use() | ast.Unit():
                 pass
             case _:

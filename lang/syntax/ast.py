@@ -197,6 +197,13 @@ class WithChildren(Node):
 
 
 @_node
+class Result(Item):
+    """`expression`, the value of a block expression"""
+
+    expression: Node
+
+
+@_node
 class Use(Item):
     """`use "path" as alias`"""
 
@@ -238,6 +245,15 @@ class Let(Item):
     name: Name
     parameters: tuple[Parameter, ...] | None  # None: a constant; (): a part without parameters
     value: Node
+
+
+@_node
+class BlockExpression(Node):
+    """`{ let a = b; result }` as an expression"""
+
+    lets: tuple[Let, ...]
+    result: Result
+    dangling: tuple[Comment, ...]  # comments after the result
 
 
 @_node

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from ..diagnostics import Span
-from . import ast
+from . import ast, block_errors
 from .grammar import Token
 from .trivia import Comments, Place
 
@@ -128,6 +128,16 @@ class TreeBuilder:
     def with_children(self, parts: list[Any]) -> ast.WithChildren:
         return self._check_depth(ast.WithChildren(self._span(parts), parts[0], parts[1]), *parts)
 
+    def block_expression(self, parts: list[Any]) -> ast.BlockExpression:
+        """Raises WrongBlock."""
+        span = self._span(parts)
+        block_errors.check_items([p for p in parts if isinstance(p, ast.Item)], span)
+        (*lets, result), dangling = self._attach(parts, (span.line, span.column), (span.end_line, span.end_column))
+        return self._check_depth(ast.BlockExpression(span, tuple(lets), result, dangling), *parts)  # type: ignore[arg-type]
+
+    def result(self, parts: list[Any]) -> ast.Result:
+        return self._check_depth(ast.Result(self._span(parts), (), None, False, parts[0]), parts[0])
+
     # --- items ----------------------------------------------------------------------------------------------------
 
     def use(self, parts: list[Any]) -> ast.Use:
@@ -184,6 +194,8 @@ class TreeBuilder:
 
 
 def _is_broken(item: ast.Item) -> bool:
+    if isinstance(item, ast.Let):
+        return item.name.id == BROKEN
     head: ast.Node | None = item.expression if isinstance(item, ast.ElementItem) else None
     while head is not None and not isinstance(head, ast.Name):
         head = next(ast.children(head), None)  # the leftmost leaf, as in `{ … }.a { … }(1)`

@@ -146,7 +146,9 @@ def _set_spaces(lines: list[_Line]) -> None:
     before: Token | None = None
     operand = True  # an operand comes next: a `-` is a sign, a `|` begins the parameters of a function
     tight = True  # no space between `before` and the next token
+    openers: list[Token] = []
     for line in lines:
+        operand = operand or (before not in CONTINUED_AFTER and (not openers or openers[-1] == "{"))  # an item begins
         for token in line.tokens:
             opens = token == "|" and operand
             if token is not line.tokens[0]:
@@ -155,6 +157,10 @@ def _set_spaces(lines: list[_Line]) -> None:
             tight = token in _TIGHT or token in ("(", "[") or opens or (token == "-" and operand)
             operand = token in _BEFORE_OPERANDS or token.type == "_NL" or (token == "|" and not opens)
             before = token
+            if token in OPENERS:
+                openers.append(token)
+            elif token in CLOSERS:
+                openers.pop()
 
 
 def _space(before: Token | None, token: Token, operand: bool, tight: bool, closes: bool) -> str:

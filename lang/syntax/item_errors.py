@@ -12,7 +12,7 @@ _FOREIGN = {  # keywords of other languages at the beginning of a line
     "fn": "write let name(…) = …",
     "var": "write let name = …",
     "const": "write let name = …",
-    "return": "the value of a `let` follows its `=`",
+    "return": "the value of a `let` follows its `=`; that of a block is its last line",
     "while": "write for (k in 0..5) { … }; `fold` and `scan` accumulate",
     "elif": "write else if (…) { … }",
     "elseif": "write else if (…) { … }",

@@ -15,6 +15,8 @@ CONTINUED_AFTER = OPERATORS | frozenset(("=", ",", ":", ".", "|", "in", "then", 
 _ITEM_WORDS = frozenset(("let", "param", "use", "unit"))
 # A line that begins with one of these continues the line above, because it can follow a complete value.
 _CONTINUES_LINE = OPERATORS - {"not"} | frozenset(("=", ",", ":", ".", "|", "in", "then", "else", "for", "if", "(", ")", "[", "]", "{"))
+# A `{` after one of these begins a block expression. After `else` it may be the block of a statement.
+_BEFORE_BLOCKS = frozenset(("=", ",", ":", "|", "then", "(", "["))
 MAX_BRACKET_ERRORS = 20  # each may scan the rest of the file again
 
 
@@ -170,19 +172,22 @@ def _continues(line: list[Token]) -> bool:
 def _drop_line_ends(tokens: list[Token], scan: Scan, file: str, diagnostics: Diagnostics) -> list[Token]:
     output: list[Token] = []
     stack: list[Token] = []
+    values: list[bool] = []  # for each open bracket, whether it begins a block expression
     for token, following in zip(tokens, [*tokens[1:], tokens[-1]], strict=True):
         if token.type == "_NL":
             if ";" not in token and (following == "else" or _continues(output) or (stack and stack[-1] != "{")):
                 continue
             if output and output[-1].type == "_NL":  # the line held only a bracket that was dropped
                 continue
-            if following == "{" and output:
+            if following == "{" and output and not (values and values[-1]):
                 scan.wrong.append((following.line or 1, following.column or 1))
                 diagnostics.error("this `{` follows no item", span_of(following, file), "write it at the end of the line above")
                 continue
         elif token in OPENERS:
             stack.append(token)
+            values.append(token == "{" and bool(output) and output[-1] in _BEFORE_BLOCKS)
         elif token in CLOSERS:
             stack.pop()
+            values.pop()
         output.append(token)
     return output

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from bisect import bisect_left
+from bisect import bisect_left, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 from .. import text_encoding
 from ..diagnostics import Diagnostic, Diagnostics, Span, sort_diagnostics
 from ..file_types import is_binary
-from . import ast, lexer, line_joining, syntax_errors
+from . import ast, block_errors, lexer, line_joining, syntax_errors
 from .ast_builder import BROKEN, MAX_DEPTH, TooDeep, TreeBuilder
+from .block_errors import WrongBlock
 from .error_site import ErrorSite
 from .grammar import ParserState, Token, UnexpectedToken, grammar
 from .trivia import Comments
@@ -146,6 +147,8 @@ class _Level:
     height: int  # of the parser's value stack at the start of the current item
     first: int  # first token of the current item
     broken: bool = False  # the current item has a reported error
+    opener: Token | None = None  # the `{` of a block expression; None for other lists of items
+    loses_items: bool = False  # an item of it was dropped
 
 
 @dataclass
@@ -177,15 +180,24 @@ class _Parsing:
             if self._drops_item(i):
                 i = self._resume(self._recover(i))
                 continue
+            if self._chooses_with_braces(i):
+                self._report(i, {"THEN"})
+                i = self._resume(self._recover(i, blocks=False))
+                continue
             try:
                 result = self.state.feed_token(token, token.type == "$END")
             except UnexpectedToken as e:
                 self._report(i, e.expected)
                 is_value = token == "{" and "NUMBER" in e.expected
                 is_vector = token == "<" and "NUMBER" in e.expected  # of POV-Ray, whose blocks hold arguments
-                i = self._resume(self._recover(i, blocks=not is_value, lines=not is_vector or len(self.levels) == 1))
+                in_value = self.levels[-1].opener is not None
+                i = self._resume(self._recover(i, blocks=not (is_value or in_value), lines=not is_vector or len(self.levels) == 1))
             except TooDeep:
                 self._report_depth(i)
+                i = self._resume(self._recover(i))
+            except WrongBlock as e:
+                if not self._is_known(i):
+                    self.diagnostics.error(e.message, e.span, e.hint)
                 i = self._resume(self._recover(i))
             else:
                 self._follow(i)
@@ -221,14 +233,27 @@ class _Parsing:
         """Update the stack of blocks and items after token `i`."""
         level, token = self.levels[-1], self.stream[i]
         if token.type == "LBRACE":
-            self.levels.append(_Level(self.depths[i] + 1, len(self.state.value_stack), i + 1))
+            opener = token if self._accepts("VBAR") else None
+            self.levels.append(_Level(self.depths[i] + 1, len(self.state.value_stack), i + 1, opener=opener))
         elif token.type == "RBRACE":
-            self.levels.pop()
+            closed = self.levels.pop()
+            if closed.opener is not None and closed.loses_items:  # the item around it is dropped too
+                insort(self.wrong, (closed.opener.line or 1, closed.opener.column or 1))
         elif token.type == "_NL":
             level.height, level.first, level.broken = len(self.state.value_stack), i + 1, False
         elif token.type == "$END":
             self.is_complete = True
             self.ends_between_items = len(self.levels) == 1 and level.first == i and not level.broken
+
+    def _accepts(self, kind: str) -> bool:
+        """Whether the parser's state has an action for a kind of token."""
+        return kind in self.state.parse_conf.parse_table.states[self.state.position]
+
+    def _chooses_with_braces(self, i: int) -> bool:
+        """Whether token `i` is the `{` of `if (…) {` in the place of a value."""
+        if self.stream[i] != "{" or self.stream[i - 1] != ")" or not self._accepts("THEN"):
+            return False
+        return block_errors.chooses_with_braces(ErrorSite(self.stream, i, self.levels[-1].first, set(), self.unbound))
 
     def _recover(self, i: int, blocks: bool = True, lines: bool = True) -> int:
         """Drop the current item and skip the rest of it, up to a block of its own whose items are still parsed.
@@ -236,7 +261,7 @@ class _Parsing:
         Without `lines`, skip all items of the block that the current item is in.
         """
         level, start = self.levels[-1], self.levels[-1].first
-        level.broken = True
+        level.broken = level.loses_items = True
         self._remember_names(level)
         del self.state.value_stack[level.height :], self.state.state_stack[level.height + 1 :]
         while i < len(self.stream):
@@ -248,11 +273,19 @@ class _Parsing:
                 level.first, level.broken = i + 1, False
                 return i + 1
             if lines and blocks and depth == level.depth and token == "{":
-                self.state.feed_token(Token("NAME", BROKEN, token.start_pos, token.line, token.column, token.line, token.column))
+                self._feed_broken_head(i, level.first)
                 break
             i += 1
         self.dropped.append((start, i))
         return i
+
+    def _feed_broken_head(self, i: int, first: int) -> None:
+        """Feed the head of a broken item whose block opens at token `i`: an element, or a `let` before a block expression."""
+        token, before = self.stream[i], self.stream[i - 1]
+        is_value = before in ("=", "|", "then") or (before == "else" and self.stream[first] != "if")
+        head = (("LET", "let"), ("NAME", BROKEN), ("EQUAL", "=")) if is_value else (("NAME", BROKEN),)
+        for kind, text in head:
+            self.state.feed_token(Token(kind, text, token.start_pos, token.line, token.column, token.line, token.column))
 
     def names(self) -> tuple[frozenset[str], tuple[ast.Name, ...]]:
         """The names that are used otherwise than as functions, and the functions called in items with errors."""

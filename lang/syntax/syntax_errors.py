@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import item_errors, value_errors
+from . import block_errors, item_errors, value_errors
 from .error_site import Answer, ErrorSite, is_end, quote
 from .lexer import CLOSERS
 
@@ -19,6 +19,8 @@ def explain(site: ErrorSite) -> Answer:
 
 
 _RULES: tuple[Callable[[ErrorSite], Answer | None], ...] = (
+    block_errors.choice,
+    block_errors.step,
     item_errors.use,
     item_errors.unit,
     item_errors.foreign_word,
@@ -37,6 +39,7 @@ _RULES: tuple[Callable[[ErrorSite], Answer | None], ...] = (
     value_errors.incomplete_choice,
     value_errors.list_in_parentheses,
     item_errors.separator,
+    block_errors.operand,
     value_errors.missing_value,
     value_errors.two_values,
     value_errors.chained_comparison,

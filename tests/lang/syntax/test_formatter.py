@@ -44,6 +44,15 @@ def laid_out(text: str) -> str:
         ("for(k in 0..5){rotate([0,k,0]){\nbox(1)}}", "for (k in 0..5) {\n  rotate([0, k, 0]) {\n    box(1)\n  }\n}\n"),
         ("if(a){\nbox(1)}else if(b){\nbox(2)}\nelse{}", "if (a) {\n  box(1)\n} else if (b) {\n  box(2)\n}\nelse {}\n"),
         ("let a = if b then 1\nelse 2", "let a = if b then 1\n  else 2\n"),
+        ("let a={let b=1;-b}", "let a = { let b = 1; -b }\n"),
+        ("f(|x,y|{\nlet b=x;let c=y\n|z|b-c\n})", "f(|x, y| {\n  let b = x; let c = y\n  |z| b - c\n})\n"),
+        ("let a = {let b = 1\n\n\n\n[b,-b]}", "let a = {\n  let b = 1\n\n  [b, -b]\n}\n"),
+        ("let a =\n{\nlet b = 1\nb\n}", "let a =\n  {\n    let b = 1\n    b\n  }\n"),
+        (
+            "let f(x) = if x>1 then {\nlet b = x\nb\n} else {\nlet b = 2\nb }",
+            "let f(x) = if x > 1 then {\n  let b = x\n  b\n} else {\n  let b = 2\n  b\n}\n",
+        ),
+        ("box(\n{ let a = 1\na },\n1)", "box(\n  {\n    let a = 1\n    a\n  },\n  1)\n"),
         ("let a =\ngroup() {\nbox(1)\n}", "let a =\n  group() {\n    box(1)\n  }\n"),
         ("let a = 1 +\n2 +\n3\nbox(a)", "let a = 1 +\n  2 +\n  3\nbox(a)\n"),
         ("box(1,\n      center: [\n0,\n1, 0\n])", "box(1,\n  center: [\n    0,\n    1, 0\n  ])\n"),
@@ -65,6 +74,10 @@ def test_spaces_and_indentation(written, wanted):
         ("let a = // of a value\n// alone\n1", "let a =  // of a value\n  // alone\n  1\n"),
         ("[0, // of an element\n1]   // all", "[0,   // of an element\n  1]  // all\n"),
         ("box(1)\n// last", "box(1)\n// last\n"),
+        (
+            "let a = { // of a block\n//of b\nlet b = 1 // b\nb\n// end\n}",
+            "let a = {  // of a block\n  //of b\n  let b = 1  // b\n  b\n  // end\n}\n",
+        ),
     ],
 )
 def test_comments_stay_in_place(written, wanted):

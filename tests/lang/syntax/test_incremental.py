@@ -15,9 +15,9 @@ LINES = (
     "let a = 1", "sphere(a)", "let b = a +", "  2", "else", "} else {", "if (a) {", "for (k in 0..3) {", "group() {", "  box()", "}",
     "x = 3", "a = a", "f(", ")", "let c = [1,", "// one", "  // two", "# hash", "#12 box()", "/* open", "close */", '"open', "", "",
     "foo(1) // after", "use as", "as b", "let", "unit in", "mesh(unit: 1)", "sphere(1); box(2) 3", "{", "a, b", "é = 1", "<", "!",
-    "translate(a) sphere(a)",
+    "translate(a) sphere(a)", "let d = {", "let p = f(|x| {", "  a * 2", "})", "let q = { let r = 1; r }",
 )  # fmt: skip
-MARKS = (*"()[]{}\n;\"/#+=! ", "\n\n", "//", "/*", " 2 2", " {", "\ufeff", "\u2028")
+MARKS = (*'()[]{}\n;"/#+=! ', "\n\n", "//", "/*", " 2 2", " {", "\ufeff", "\u2028")
 insertions = st.sampled_from((*MARKS, *LINES))
 
 
@@ -79,6 +79,27 @@ def test_texts_whose_parts_depend_on_each_other(text):
     incremental = IncrementalParser("t")
     for edited in (text, "let q = 1\n\n" + text, text + "\nlet r = 1\n", text):
         check(incremental, edited)
+
+
+BLOCK = """let a = 1
+let p = pattern(|x, y, z| {
+  let row = floor(z / a)  // of a brick
+  let f(k) = { let c = k * row; c + 1 }
+  if row > 1 then f(row) else { let d = 2; d }
+})
+sphere(a, material: lambert(p))
+"""
+
+
+@pytest.mark.long
+def test_a_block_expression_typed_letter_by_letter():
+    """With and without the `}` and `)` that editors insert after a `{` and a `(`; then deleted from its end."""
+    first, last = BLOCK.index("let p"), BLOCK.index("sphere")
+    for closers in ("", "})"):
+        incremental = IncrementalParser("t")
+        for end in (*range(first, last), *range(last, first, -1)):
+            rest = closers if "{" in BLOCK[first:end] and end < last - 3 else ""
+            check(incremental, BLOCK[:end] + rest + "\n" + BLOCK[last:])
 
 
 def test_items_that_an_edit_leaves_alone_are_the_same_objects():

@@ -17,6 +17,7 @@ SCENES = [path.read_text(encoding="utf-8") for path in sorted((Path(__file__).pa
 WORDS = [
     *KEYWORDS, "a", "box", "1", "2.5mm", "50%", '"s"', "#fff", "#12", '"open', "//c\n", "/*", "*/", "# ", "!", "\u200b", "\n", "\n", ";",
     *"()[]{},:=.|+-*/^<>", "..", "<=", ">=", "==", "!=", "let x = ", "group() {", "}\n", "if (a) {", "for (k in ks) {", "sphere(1)\n",
+    "let x = {", "{ let x = 1; x }", "|x| {",
 ]  # fmt: skip
 
 
@@ -93,7 +94,23 @@ def _expressions(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
         st.tuples(names, names, inner, inner).map(lambda t: f"{t[0]}({t[2]}, {t[1]}: {t[3]})"),
         st.tuples(names, names).map(".".join),
         st.tuples(names, inner).map(lambda t: f"{t[0]}[{t[1]}]"),
+        _blocks(inner),
     )
+
+
+def _blocks(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    """Block expressions in one line, and in several with blank lines. A sign cannot begin a line."""
+    lets = st.one_of(
+        st.tuples(names, inner).map(lambda t: f"let {t[0]} = {t[1]}"),
+        st.tuples(names, names, inner).map(lambda t: f"let {t[0]}({t[1]}, b = 1) = {t[2]}"),
+    )
+    result = inner.map(lambda e: f"({e})" if e.startswith("-") else e)
+    separators = st.sampled_from(["; ", "\n", "\n\n", ";\n"])
+    ends = st.sampled_from([" ", "\n"])
+    return st.builds(
+        lambda items, value, between, end: "{" + end + between.join([*items, value]) + end + "}",
+        st.lists(lets, min_size=1, max_size=3), result, separators, ends,
+    )  # fmt: skip
 
 
 expressions = st.recursive(leaves, _expressions, max_leaves=8)
@@ -151,6 +168,8 @@ def written(node) -> str:
             return f"{node.name.id}: {written(node.value)}" if node.name else written(node.value)
         case ast.Block():
             return "{\n" + "\n".join(map(written, node.items)) + "\n}"
+        case ast.BlockExpression():
+            return "{\n" + "\n".join(map(written, (*node.lets, node.result))) + "\n}"
         case ast.WithChildren():
             return f"{written(node.target)} {written(node.block)}"
         case _:
@@ -159,7 +178,7 @@ def written(node) -> str:
 
 def written_item(node) -> str:
     match node:
-        case ast.ElementItem():
+        case ast.ElementItem() | ast.Result():
             return written(node.expression)
         case ast.For():
             return f"for ({node.name.id} in {written(node.source)}) {written(node.block)}"

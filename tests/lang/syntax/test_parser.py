@@ -6,6 +6,17 @@ import pytest
 from maquette.lang.diagnostics import Diagnostics, render_text
 from maquette.lang.syntax import ast, parser
 
+BLOCK = "(BlockExpression [(Let b None 1) (Let f [(Parameter c None None)] b)] (Result (Parens (Unary - b))))"
+ARGUMENTS = (
+    "(Call f [(Argument None (BlockExpression [(Let b None 1)] (Result b)))"
+    " (Argument c (BlockExpression [(Let d None 2)] (Result (Unary - d))))])"
+)
+BRANCHES = "(Conditional a (BlockExpression [(Let b None 1)] (Result b)) (BlockExpression [(Let c None 2)] (Result c)))"
+ITEM_CHOICE = "(If a (Block [(Let b None 1) (ElementItem b)]) (Block [(Let c None 1) (ElementItem c)]))"
+LOOP = "(For k (BlockExpression [(Let n None 3)] (Result (Binary .. 0 n))) (Block [(ElementItem k)]))"
+NESTED = "(BlockExpression [(Let b None 1)] (Result (BlockExpression [(Let c None 2)] (Result c))))"
+CHILDREN = "(BlockExpression [(Let b None 1)] (Result (WithChildren (Call group []) (Block [(ElementItem b)]))))"
+
 
 @pytest.mark.parametrize(("name", "count"), [("hello", 9), ("room", 12), ("gear", 10)])
 def test_scenes_of_the_language_description(read, name, count):
@@ -49,6 +60,14 @@ def test_scenes_of_the_language_description(read, name, count):
         ("[k for k in ks if k > 2]", "(Comprehension k k ks (Binary > k 2))"),
         ('"a \\"b\\" \\\\ c\\nd"', '"a "b" \\ c\nd"'),
         ("group() { box() }", "(WithChildren (Call group []) (Block [(ElementItem (Call box []))]))"),
+        ("{ let b = 1; b }", "(BlockExpression [(Let b None 1)] (Result b))"),
+        ("{\n  let b = 1\n  let f(c) = b\n\n  (-b)\n  // end\n}", BLOCK),
+        ("|x| { let b = x; |y| b }", "(Function [x] (BlockExpression [(Let b None x)] (Result (Function [y] b))))"),
+        ("f({ let b = 1; b }, c: { let d = 2; -d })", ARGUMENTS),
+        ("if a then { let b = 1; b } else { let c = 2; c }", BRANCHES),
+        ("{ let b = 1; if (b) then c else d }", "(BlockExpression [(Let b None 1)] (Result (Conditional (Parens b) c d)))"),
+        ("{ let b = 1\n{ let c = 2; c } }", NESTED),
+        ("{ let b = 1; group() { b } }", CHILDREN),
         ("users + format + android + information", "(Binary + (Binary + (Binary + users format) android) information)"),
     ],
 )
@@ -75,6 +94,9 @@ def test_expression(read, shown, text, tree):
         ("if (a) { } else if (b) { }", "(If a (Block []) (If b (Block []) None))"),
         ("a.b(c)[d] { }", "(ElementItem (WithChildren (Index (Call (Member a b) [(Argument None c)]) d) (Block [])))"),
         ("children", "(ElementItem children)"),
+        ("f() { let a = 1\n a }", "(ElementItem (WithChildren (Call f []) (Block [(Let a None 1) (ElementItem a)])))"),
+        ("if (a) { let b = 1; b } else { let c = 1; c }", ITEM_CHOICE),
+        ("for (k in { let n = 3; 0..n }) { k }", LOOP),
     ],
 )
 def test_item(read, shown, text, tree):
@@ -151,6 +173,15 @@ def test_comments_and_blank_lines(read):
     assert [x.text for x in c.before] == ["// of c", "// more of c"]
     assert (c.after, d.after.text if d.after else None) == (None, "// behind d")
     assert [x.text for x in block.dangling] == ["// last inside"]
+
+
+def test_comments_of_a_block_expression(read):
+    (item,) = read("let a = {\n  // above\n  let b = 1 // after\n\n  // of the value\n  b\n  // last\n} // behind").items
+    block = item.value
+    assert [c.text for c in (*block.lets[0].before, block.lets[0].after, *block.result.before, *block.dangling, item.after)] == [
+        "// above", "// after", "// of the value", "// last", "// behind",
+    ]  # fmt: skip
+    assert block.result.blank_before
 
 
 def test_comment_between_the_branches_of_an_if(read):

@@ -120,6 +120,9 @@ class _Walker:
             case ast.Block():
                 inner = self._scope(node.span, (), "", chain)
                 self.items(node.items, inner, inner[0].names)
+            case ast.BlockExpression():
+                inner = self._scope(node.span, (), "", chain)
+                self.items((*node.lets, node.result), inner, inner[0].names)
             case ast.Let():
                 self._let(node, chain)
             case ast.Param():

@@ -180,6 +180,15 @@ def test_names_in_scope_are_offered_where_they_are_visible(editor: Editor) -> No
     assert "part" in outside
 
 
+def test_names_of_a_block_expression_are_offered_in_it_alone(editor: Editor) -> None:
+    text = HEAD + "let tone = pattern(|x, y, z| {{\n  let row = floor(z)\n  {}\n  row\n}})\nbox({})\n"
+    inside = labels(editor.at("a.scene", "completion", text.format("let b = ‸1", "")))
+    outside = labels(editor.at("a.scene", "completion", text.format("", "‸")))
+    assert {"x", "row", "tone", "if"} <= {*inside}
+    assert {"x", "row"}.isdisjoint(outside)
+    assert "let" in labels(editor.at("a.scene", "completion", text.format("l‸", "")))
+
+
 def test_names_stay_while_a_line_is_broken(editor: Editor) -> None:
     text = HEAD + "let part(width) = group() {{ sphere({} }}\nlet last = 3\n"
     editor.open("a.scene", text.format("width)"))
@@ -238,6 +247,7 @@ def test_hover_shows_a_definition_and_its_value(editor: Editor) -> None:
         ("let a = ti‸me", "The time of the frame, in seconds."),
         ("param a: le‸ngth = 3", "`length`: a length; a bare number is in the file's unit."),
         ("let a = 12‸3", None),
+        ("let a = {\n  // Half of it.\n  let half = 1\n  h‸alf\n}", "```scene\nlet half = 1\n```\n\nHalf of it."),
     ],
 )
 def test_hover(editor: Editor, text: str, expected: str | None) -> None:
@@ -269,6 +279,8 @@ def test_signature_help_follows_the_argument(editor: Editor) -> None:
         ("pa‸rts.post()", "a.scene", span(0, 4, 17)),
         ('use "par‸ts.scene" as p', "parts.scene", span(0, 0, 0)),
         ("let f(k) = [k + i‸ for i in 0..2]", "a.scene", span(4, 22, 23)),
+        ("let f(k) = { let r = k; let s(q) = r‸ + q; s(1) }", "a.scene", span(4, 17, 18)),
+        ("let f(k) = { let r = k; let s(q) = r + q; s‸(1) }", "a.scene", span(4, 28, 29)),
     ],
 )
 def test_definition(editor: Editor, text: str, file: str, where: dict[str, Any]) -> None:
@@ -280,6 +292,13 @@ def test_definition_in_the_library(editor: Editor) -> None:
     found = editor.at("a.scene", "definition", 'use "std/room"\nroom.b‸ox()')
     assert found["uri"].endswith("/stdlib/room.scene")
     assert editor.at("a.scene", "definition", "sph‸ere(1)") is None
+
+
+def test_rename_in_a_block_expression(editor: Editor) -> None:
+    text = "let a = 1\nlet f(x) = { let a‸ = x; let b(a) = a; a + b(a) }\nsphere(f(a))\n"
+    found = editor.at("a.scene", "rename", text, newName="size")
+    edits = [(edit["range"], edit["newText"]) for edit in found["changes"][editor.uri("a.scene")]]
+    assert sorted(edits, key=str) == sorted([(span(1, column, column + 1), "size") for column in (17, 38, 44)], key=str)
 
 
 def test_references_are_found_across_files(editor: Editor) -> None:

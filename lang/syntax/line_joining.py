@@ -135,11 +135,11 @@ def _close_blocks(stack: list[_Open], pairs: list[tuple[Token, Token]], tokens: 
         indents.setdefault(t.line or 1, t.column or 1)
     early = [a for a, b in pairs if a == "{" and indents[b.line or 1] == b.column and (b.column or 1) < indents[a.line or 1]]
     blamed = sorted(early, key=lambda t: t.start_pos or 0)[: len(stack)] or [o.token for o in stack]
-    for token in blamed:
+    for token in reversed(blamed):  # of two brackets in one line the inner one is reported
         where = "after its last item" if token == "{" else "where it ends"
         report(token, f"this `{token}` is not closed", f"write `{OPENERS[token]}` {where}")
     ends = [len(output) - 1] * len(stack)
-    if len(stack) <= MAX_BRACKET_ERRORS and all(o.token == "{" for o in stack):
+    if len(stack) <= MAX_BRACKET_ERRORS:
         dedents = (_dedent(output, token, indents) for token in blamed)
         ends = sorted([*dedents, *ends[len(blamed) :]])
         # The `}` of a block that is closed in the text lies before the `{` that has none where the blocks are not nested.

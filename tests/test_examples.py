@@ -134,7 +134,7 @@ def test_the_blocks_of_the_language_page_make_one_scene(tmp_path):
     found = Diagnostics()
     scene = load.load(path, diagnostics=found)
     assert [d.message for d in found.items] == ["two shapes `plane` have faces in one place, at y = 0: which of them is seen is chance"]
-    assert len(scene.tables.instances.geometry) == 2 + 7 + 2 + 7 + 2 + 5 + 1
+    assert len(scene.tables.instances.geometry) == 2 + 7 + 9 + 2 + 7 + 2 + 5 + 1
 
 
 def test_pictures_name_no_folder_of_a_machine() -> None:

@@ -48,8 +48,7 @@ def test_params_and_values_of_the_command_line() -> None:
 def formula(text: str, before: str = "") -> formula_graph.Formula:
     """The formula of `pattern(text)`."""
     (sphere,) = elements(f"{before}\nsphere(1, material: lambert(pattern({text})))")
-    found = sphere.args["material"].args["color"]
-    return found.args["formula"] if hasattr(found, "args") else found
+    return sphere.args["material"].args["color"].args["formula"]
 
 
 def test_a_formula_with_a_block_has_the_operations_of_the_one_without() -> None:

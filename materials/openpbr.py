@@ -174,7 +174,7 @@ def _murky(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
 
 
 def _body(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
-    """The medium of a body of `subsurface_color`. A phase function with a mean cosine g scatters 1/(1 − g) as often for the same body."""
+    """The medium of a body of `subsurface_color`."""
     color, lengths = inputs[Slot.SUBSURFACE_COLOR], arguments.args["subsurface_radius"]
     if color.texture >= 0:
         hint = "use subsurface(…), whose colour takes pictures, in a blend(…)"
@@ -182,8 +182,8 @@ def _body(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
         return -1
     anisotropy = arguments.args["subsurface_scatter_anisotropy"]
     red, green, blue = (lengths * max(share, 1e-4) for share in arguments.args["subsurface_radius_scale"])
-    scattering, absorption = subsurface.coefficients(color.value, (red, green, blue))
-    return arguments.medium(MediumData(scale_color(scattering, 1.0 / (1.0 - anisotropy)), absorption, anisotropy=anisotropy))
+    scattering, absorption = subsurface.of_free_path(color.value, (red, green, blue), anisotropy)
+    return arguments.medium(MediumData(scattering, absorption, anisotropy=anisotropy))
 
 
 def _argument(name: str) -> Arg:
@@ -218,7 +218,7 @@ ELEMENTS = (
                     minimum=0.0, maximum=1.0, keyword=True,
                 ),
                 Arg("transmission_dispersion_abbe_number", "number", 20.0, "Abbe number: diamond 55, flint 36", above=0.0, keyword=True),
-                Arg("subsurface_radius", "length", 0.01, "how far light goes below the surface of a body", above=0.0, keyword=True),
+                Arg("subsurface_radius", "length", 0.01, "mean free path of light in a body", above=0.0, keyword=True),
                 Arg("subsurface_radius_scale", "color", (1.0, 0.5, 0.25), "factors of the radius in red, green and blue", keyword=True),
                 _phase("subsurface_scatter_anisotropy", "of light that a body scatters; of a thin wall, its share that passes"),
                 Arg("geometry_thin_walled", "bool", False, "a wall without an inside: light passes straight or diffusely", keyword=True),
@@ -265,6 +265,19 @@ def _roughness(row: Any) -> Input:
     return Input.number(min((_number(row, Slot.ROUGHNESS) ** 4 + _number(row, Slot.FLAKE_TILT) ** 4) ** 0.25, 1.0))
 
 
+def below_coat(ior: float, weight: float, coat_ior: float) -> float:
+    """The index of a base whose highlight below a coat is that of `ior` below air: what models without OpenPBR's coat say."""
+    return ior * (1.0 + min(max(weight, 0.0), 1.0) * (max(coat_ior, 1.0) - 1.0))
+
+
+def _ior_below_air(row: Any) -> Input:
+    """The inverse of `below_coat`: the index, at least 1, that gives the highlight of the base below air."""
+    if row.texture(Slot.IOR) >= 0 or row.texture(Slot.COAT) >= 0 or row.texture(Slot.COAT_IOR) >= 0:
+        return row.ior
+    ratio = _number(row, Slot.IOR) / below_coat(1.0, _number(row, Slot.COAT), _number(row, Slot.COAT_IOR))
+    return Input.number(max(ratio, 1.0 / ratio))
+
+
 def _report(row: Any, *carried: ir.Slot) -> None:
     """Report each input that is set and that the format lacks."""
     if _number(row, Slot.FLAKE_SIZE) > 0.0:
@@ -301,7 +314,7 @@ def surface(row: SurfaceRow) -> Exported:
         row.note(losses.FUZZ)
     return Exported(
         row.surface(
-            _color(row), row.input(Slot.METALLIC), _roughness(row), row.ior, emissive=row.input(Slot.EMISSION),
+            _color(row), row.input(Slot.METALLIC), _roughness(row), _ior_below_air(row), emissive=row.input(Slot.EMISSION),
             coat=row.input(Slot.COAT), coat_roughness=row.input(Slot.COAT_ROUGHNESS),
             coat_normal=row.input(Slot.COAT_NORMAL) if row.value(Slot.COAT_NORMAL)[2] > 0.0 else None,
             sheen=Input(scale_color(fuzz.value, weight), fuzz.texture), sheen_roughness=row.input(Slot.FUZZ_ROUGHNESS),

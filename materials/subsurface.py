@@ -20,6 +20,7 @@ from .classic import NO_HIGHLIGHT
 from .contract import Arguments, Element, Exported, Finish, Lobes, MitsubaRow, PovrayRow, SurfaceRow
 
 MODEL = ir.MaterialModel.SUBSURFACE
+MIDDLE = (0.5, 0.5, 0.5)
 IOR, ROUGHNESS = 1.5, 0.5  # of a highlight, where one of them is given
 
 
@@ -27,6 +28,22 @@ def coefficients(color: Color, radius: Color) -> tuple[Color, Color]:
     """(scattering, absorption) per metre of a body with a diffuse colour and a radius (metres), both by channel."""
     extinction, scattering = subsurface_inversion.channel(np.array(color), np.array(radius))
     return as_color(scattering), as_color(extinction - scattering)
+
+
+def of_free_path(color: Color, lengths: Color, anisotropy: float = 0.0) -> tuple[Color, Color]:
+    """(scattering, absorption) per metre of a body of OpenPBR and MaterialX, whose lengths are mean free paths in metres, by channel.
+
+    The albedo of single scattering follows from the colour and the mean cosine of the phase function: OpenPBR Surface 1.1, Subsurface.
+    """
+    plain = subsurface_inversion.single_albedo(np.clip(np.array(color), 0.0, 1.0))
+    albedo = plain / (1.0 - anisotropy * (1.0 - plain))
+    extinction = 1.0 / np.maximum(np.array(lengths), subsurface_inversion.LEAST_RADIUS)
+    return as_color(albedo * extinction), as_color((1.0 - albedo) * extinction)
+
+
+def radius_of_free_path(lengths: Color, color: Color = MIDDLE) -> Color:
+    """The radius of a body by its mean free paths. Those of a body whose colour varies are those of a `color` of ½."""
+    return as_color(np.array(lengths) / subsurface_inversion.mean_free_path(np.array(color)))
 
 
 def radius(tables: ir.Tables, row: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...materials import glass, losses, metal, openpbr, subsurface_inversion
+from ...materials import glass, losses, metal, openpbr, subsurface, subsurface_inversion
 from ...materials.optics import metals
 from .. import ir
 from ..scene.row_records import MediumData
@@ -117,14 +117,13 @@ def _murky(inside: MediumData) -> dict[str, Any]:
     return values
 
 
-def _lengths(inside: MediumData, color: F64) -> F64:
-    """(3,) the radius of a body of a colour with a medium: the inverse of subsurface.coefficients."""
-    extinction = np.array(inside.scattering) * (1.0 - inside.anisotropy) + np.array(inside.absorption)
-    return 1.0 / (np.maximum(extinction, 1e-30) * subsurface_inversion.mean_free_path(np.clip(color, 0.0, 1.0)))
+def _lengths(inside: MediumData) -> F64:
+    """(3,) the mean free paths in a body."""
+    return 1.0 / np.maximum(np.array(inside.scattering) + np.array(inside.absorption), 1e-30)
 
 
 def _body(row: MaterialRow, inside: MediumData) -> dict[str, Any]:
-    lengths = _lengths(inside, row.value(Slot.SUBSURFACE_COLOR))
+    lengths = _lengths(inside)
     radius = float(lengths.max())
     values: dict[str, Any] = {"subsurface_radius": radius, "subsurface_radius_scale": tuple((lengths / radius).tolist())}
     return values | {"subsurface_scatter_anisotropy": inside.anisotropy}
@@ -134,7 +133,7 @@ def _subsurface(row: MaterialRow) -> dict[str, Any]:
     inside = row.medium
     if inside is None:
         return {}
-    lengths = _lengths(inside, row.value(Slot.AMBIENT)) / row.number(Slot.RADIUS)
+    lengths = _lengths(inside) / subsurface_inversion.mean_free_path(np.clip(row.value(Slot.AMBIENT), 0.0, 1.0)) / row.number(Slot.RADIUS)
     return {"radius": tuple(lengths.tolist()), "priority": inside.priority}
 
 
@@ -208,7 +207,10 @@ def _slabs_of_body(row: MaterialRow) -> dict[str, Any]:
         constants |= {"specular_weight": 0.0, "specular_ior": 1.5, "specular_roughness": 1.0}
     inside = row.medium
     if inside is not None:
-        lengths = _lengths(inside, row.value(Slot.AMBIENT))
+        lengths = _lengths(inside)
+        if row.texture(Slot.AMBIENT) >= 0:  # those of a colour of ½, as subsurface.radius_of_free_path says
+            beside = [subsurface_inversion.mean_free_path(np.array(c)) for c in (subsurface.MIDDLE, row.value(Slot.AMBIENT))]
+            lengths = lengths * beside[0] / beside[1]
         radius = float(lengths.max())
         constants |= {"subsurface_radius": radius, "subsurface_radius_scale": tuple((lengths / radius).tolist())}
         constants |= {"subsurface_scatter_anisotropy": inside.anisotropy}

@@ -127,6 +127,8 @@ class Slabs:
     def _given(self, surface: Surface, written: dict[str, Any]) -> dict[Slot, Input]:
         s, extensions = surface, written.get("extensions", {})
         weight, tint, ior = self._highlight(s, extensions)
+        if ior.texture == NONE and s.coat.texture == NONE and not share_of(extensions):
+            ior = Input.number(openpbr.below_coat(ior.value[0], s.coat.value[0], COAT_IOR))
         inputs = {
             Slot.DIFFUSE: s.diffuse, Slot.METALLIC: s.metallic, Slot.SPECULAR_WEIGHT: weight, Slot.SPECULAR: tint, Slot.IOR: ior,
             Slot.COAT: s.coat, Slot.COAT_ROUGHNESS: s.coat_roughness, Slot.COAT_IOR: Input.number(COAT_IOR),

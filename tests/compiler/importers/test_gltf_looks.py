@@ -116,7 +116,8 @@ def test_other_lobes_of_such_a_surface(tmp_path):
     values, tables, row, messages = material(tmp_path, extensions, np.full((1, 1, 4), 128))
     assert messages == []
     assert values[Slot.SPECULAR] == pytest.approx([1, 0.5, 0.25])
-    numbers = {Slot.SPECULAR_WEIGHT: 0.5, Slot.IOR: 1.6, Slot.COAT: 0.7, Slot.COAT_ROUGHNESS: 0.1, Slot.COAT_IOR: 1.5,
+    below = 1.6 * (1 + 0.7 * (1.5 - 1))  # below the coat its highlight is that of 1.6 below air
+    numbers = {Slot.SPECULAR_WEIGHT: 0.5, Slot.IOR: below, Slot.COAT: 0.7, Slot.COAT_ROUGHNESS: 0.1, Slot.COAT_IOR: 1.5,
                Slot.COAT_DARKENING: 0.0, Slot.FUZZ: 0.5, Slot.FUZZ_ROUGHNESS: 0.4}  # fmt: skip
     assert {slot: values[slot][0] for slot in numbers} == pytest.approx(numbers)
     assert values[Slot.FUZZ_COLOR] == pytest.approx([1, 0.5, 0])

@@ -62,8 +62,9 @@ def test_other_slabs_are_no_glass(compiled, more: str) -> None:
 
 def test_a_body_is_that_of_subsurface(compiled) -> None:
     tables = compiled("sphere(1, material: openpbr(subsurface_weight: 0.5, subsurface_color: 0.6, subsurface_radius: 2cm))" + REST).tables
-    scattering, absorption = subsurface.coefficients((0.6, 0.6, 0.6), (0.02, 0.01, 0.005))
+    scattering, absorption = subsurface.of_free_path((0.6, 0.6, 0.6), (0.02, 0.01, 0.005))
     row = int(tables.materials.medium[0])
+    assert np.allclose(tables.media.scattering[row] + tables.media.absorption[row], (50.0, 100.0, 200.0))  # 1 over mean free paths
     assert np.allclose(tables.media.scattering[row], scattering)
     assert np.allclose(tables.media.absorption[row], absorption)
     plain = subsurface.diffuse_substitute(tables).materials

@@ -354,6 +354,7 @@ class Closures:
                 self._tell("a thin film on a coat is not drawn")
             changes = {"coat_weight": weight, "coat_ior": ior, "coat_color": (1.0,) * 3, "coat_roughness": rough,
                        "coat_roughness_anisotropy": turned, "coat_darkening": 0.0}  # fmt: skip
+            changes["specular_ior"] = slabs.under_coat({**b, **changes})
             if not is_same(t[slabs.NORMAL], b[slabs.NORMAL]):
                 changes[slabs.COAT_NORMAL] = slabs.SMOOTH if t[slabs.NORMAL] is None else t[slabs.NORMAL]
         return Slab({**b, **changes}, "layers")

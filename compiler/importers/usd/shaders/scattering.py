@@ -157,7 +157,7 @@ def row(
     builder: SceneBuilder, surface: metallic_roughness.Surface, body: tuple[float, Input, Color], sheet: Input | None, thin: bool,
     span: Span, tell: Tell,
 ) -> int:  # fmt: skip
-    """The row of a surface of which a share is a body (weight, colour, radius in metres), or that is a sheet which passes light."""
+    """The row of a surface of which a share is a body (weight, colour, mean free path in metres), or that is a sheet which passes light."""
     weight, color, lengths = body
     opacity = surface.opacity, surface.threshold
     opaque = metallic_roughness.material(replace(surface, opacity=metallic_roughness.ALL, threshold=0.0))
@@ -189,7 +189,8 @@ def _sheet(surface: metallic_roughness.Surface, reflected: Input, passed: Input)
 
 
 def _body(builder: SceneBuilder, surface: metallic_roughness.Surface, color: Input, lengths: Color, span: Span) -> MaterialData:
-    scattering, absorption = subsurface.coefficients(color.value, as_color(max(length, 1e-9) for length in lengths))
+    constant = color.value if color.texture < 0 else subsurface.MIDDLE
+    scattering, absorption = subsurface.coefficients(color.value, subsurface.radius_of_free_path(lengths, constant))
     inputs = {
         ir.Slot.AMBIENT: color, ir.Slot.DIFFUSE_TRANSMISSION: Input(WHITE), ir.Slot.RADIUS: Input.number(1.0),
         ir.Slot.IOR: surface.ior, ir.Slot.ROUGHNESS: surface.roughness,

@@ -30,7 +30,10 @@ Tell = Callable[[str], None]
 KEY, NORMAL = "slabs", "normal"  # of Network.inputs: a surface of slabs; its normal
 _COAT = "geometry_coat_normal"
 _OPAQUE = {"transmission_weight": 0.0, "subsurface_weight": 0.0}
-_INDICES = ("specular_ior", "coat_ior", "thin_film_ior")
+_INDICES = {  # of refraction, with the weights of what they change
+    "specular_ior": ("specular_weight", "transmission_weight", "subsurface_weight"), "coat_ior": ("coat_weight",),
+    "thin_film_ior": ("thin_film_weight",),
+}  # fmt: skip
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
 
@@ -58,11 +61,21 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
         name = str(shader_input.GetBaseName())
         if name not in used and not _without_effect(shader, name, shader_input, source):
             tell(f"the input `{name}` of {kind} is not drawn")
+    if names is not OPEN:
+        inputs["specular_ior"] = under_coat(inputs)
     if not is_zero(inputs["emission_luminance"]):
         inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
     inputs |= {COAT_NORMAL: _coat_normal(shader, names, inputs, source)}
     inputs |= {KEY: True, NORMAL: inputs.pop("geometry_normal"), "opacity": _mean(inputs.pop("geometry_opacity"))}
     return inputs
+
+
+def under_coat(inputs: Mapping[str, Any]) -> Any:
+    """The index of a base whose highlight is that of its own index below air, as all models but OpenPBR have it below a coat."""
+    ior, coat, weight = (numbers(inputs[name]) for name in ("specular_ior", "coat_ior", "coat_weight"))
+    if ior is None or coat is None or weight is None or not is_zero(inputs["transmission_weight"]):
+        return inputs["specular_ior"]
+    return openpbr.below_coat(float(ior.mean()), float(weight.mean()), float(coat.mean()))
 
 
 def _coat_normal(shader: Any, names: Mapping[str, tuple[str, Any]], inputs: dict[str, Any], source: Callable[[Any, Any], Any]) -> Any:
@@ -270,10 +283,11 @@ class Rows:
 
         Glass with dispersion is a material of its own, and so is a body whose colour has a texture.
         """
-        for name in _INDICES:
+        for name, weights in _INDICES.items():
             value, default = numbers(inputs[name]), openpbr.NUMBERS[name][1]
             if value is not None and not value.min() > 0.0:
-                self.tell(f"the input `{name}` is not above 0: {default:g} is drawn")
+                if not all(is_zero(inputs[weight]) for weight in weights):
+                    self.tell(f"the input `{name}` is not above 0: {default:g} is drawn")
                 inputs = {**inputs, name: default}
         solid = not inputs[THIN]
         clear, spread = (not is_zero(inputs[name]) and solid for name in ("transmission_weight", "subsurface_weight"))
@@ -286,7 +300,7 @@ class Rows:
             return self._slabs(inputs, self._murky(inputs) if clear else -1)
         color = self.reader.color(inputs["subsurface_color"], WHITE)
         if color.texture < 0:
-            return self._slabs(inputs, self._medium(inputs, color.value))
+            return self._slabs(inputs, self._medium(inputs, color))
         for name, part in (("coat_weight", "clear coat"), ("fuzz_weight", "sheen"), ("thin_film_weight", "thin film")):
             if not is_zero(inputs[name]):
                 self.tell(f"the {part} over a body whose colour has a texture is drawn on the rest of the surface alone")
@@ -331,12 +345,16 @@ class Rows:
         anisotropy = min(max(self.reader.constant(inputs["transmission_scatter_anisotropy"], 0.0), -0.99), 0.99)
         return self.reader.builder.medium(MediumData(as_color(scattering), as_color(absorption), anisotropy=anisotropy), self.span)
 
-    def _medium(self, inputs: Mapping[str, Any], color: Color) -> int:
-        """The medium of a body: a phase function with a mean cosine g scatters 1/(1 − g) as often for the same body."""
+    def _medium(self, inputs: Mapping[str, Any], color: Input) -> int:
+        """The medium of a body, whose lengths are mean free paths; those of one whose colour has a texture are those of a colour of ½."""
         anisotropy = min(max(self.reader.constant(inputs["subsurface_scatter_anisotropy"], 0.0), -0.99), 0.99)
-        scattering, absorption = subsurface.coefficients(color, self._lengths(inputs))
-        data = MediumData(scale_color(scattering, 1.0 / (1.0 - anisotropy)), absorption, anisotropy=anisotropy)
-        return self.reader.builder.medium(data, self.span)
+        lengths = self._lengths(inputs)
+        if color.texture < 0:
+            scattering, absorption = subsurface.of_free_path(color.value, lengths, anisotropy)
+        else:
+            scattering, absorption = subsurface.coefficients(color.value, subsurface.radius_of_free_path(lengths))
+            scattering = scale_color(scattering, 1.0 / (1.0 - anisotropy))
+        return self.reader.builder.medium(MediumData(scattering, absorption, anisotropy=anisotropy), self.span)
 
     def _share(self, number: Input, most: float | None) -> Input:
         """A number from 0, up to `most`; a texture's factor is not clamped."""
@@ -382,7 +400,7 @@ class Rows:
             Slot.IOR: self.reader.number(inputs["specular_ior"], 1.5),
             Slot.ROUGHNESS: self._share(self.reader.number(inputs["specular_roughness"], 0.3), 1.0),
         }  # fmt: skip
-        medium = self._medium(inputs, color.value)
+        medium = self._medium(inputs, color)
         return MaterialData(ir.MaterialModel.SUBSURFACE, {**slots, **self.maps}, name=self.name, medium=medium)
 
     def _lengths(self, inputs: Mapping[str, Any]) -> Color:

@@ -43,7 +43,8 @@ def test_constants_of_a_standard_surface(tmp_path, context):
     assert slot(scene, "DIFFUSE") == pytest.approx([0.4, 0.2, 0.1])
     assert slot(scene, "EMISSION") == pytest.approx([3, 1.5, 0])
     found = [slot(scene, name)[0] for name in ("METALLIC", "ROUGHNESS", "IOR", "COAT", "COAT_ROUGHNESS", "OPACITY")]
-    assert found == pytest.approx([0.25, 0.4, 1.6, 0.75, 0.1, 0.5])
+    below = 1.6 * (1 + 0.75 * (1.5 - 1))  # below the coat its highlight is that of 1.6 below air
+    assert found == pytest.approx([0.25, 0.4, below, 0.75, 0.1, 0.5])
 
 
 @pytest.mark.parametrize(

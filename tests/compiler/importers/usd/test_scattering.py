@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.materials import subsurface
+from maquette.materials import subsurface_inversion
 
 from ....files import write_image
 from .stages import read, slot
@@ -39,9 +39,10 @@ def test_a_surface_with_a_weight_of_one_is_a_body(tmp_path, kind, unit):
     assert (slot(scene, "IOR")[0], slot(scene, "ROUGHNESS")[0]) == pytest.approx((1.5, 0.4))
     m, media = scene.tables.materials, scene.tables.media
     inside = m.medium[scene.tables.instances.material[0]]
-    scattering, absorption = subsurface.coefficients((0.8, 0.4, 0.2), (0.1 * unit, 0.05 * unit, 0.025 * unit))
-    assert media.scattering[inside] == pytest.approx(scattering, rel=1e-5)
-    assert media.absorption[inside] == pytest.approx(absorption, rel=1e-5)
+    extinction = media.scattering[inside] + media.absorption[inside]
+    assert extinction * unit == pytest.approx((10.0, 20.0, 40.0), rel=1e-5)  # over mean free paths
+    albedo = subsurface_inversion.single_albedo(np.array((0.8, 0.4, 0.2)))
+    assert media.scattering[inside] / extinction == pytest.approx(albedo, rel=1e-5)
 
 
 def test_a_part_of_a_surface_is_a_body(tmp_path):
@@ -53,13 +54,14 @@ def test_a_part_of_a_surface_is_a_body(tmp_path):
 
 
 def test_a_phase_function_of_a_body_is_that_of_its_medium(tmp_path):
-    """It scatters 1/(1 − g) as often for the same body."""
+    """It has the same mean free paths, and the albedo with which light that scatters less leaves as often."""
     scene, messages = drawn(tmp_path, WHOLE[STANDARD] + "\nfloat inputs:subsurface_anisotropy = 0.5", header="metersPerUnit = 1")
-    scattering, absorption = subsurface.coefficients((0.8, 0.4, 0.2), (0.1, 0.05, 0.025))
     media = scene.tables.media
     assert (messages, media.anisotropy[0]) == ([], 0.5)
-    assert media.scattering[0] == pytest.approx(2.0 * np.array(scattering), rel=1e-5)
-    assert media.absorption[0] == pytest.approx(absorption, rel=1e-5)
+    assert media.scattering[0] + media.absorption[0] == pytest.approx((10.0, 20.0, 40.0), rel=1e-5)
+    plain = subsurface_inversion.single_albedo(np.array((0.8, 0.4, 0.2)))
+    reduced = 0.5 * media.scattering[0]
+    assert reduced / (reduced + media.absorption[0]) == pytest.approx(plain, rel=1e-5)
 
 
 def test_glass_with_a_depth_has_a_medium(tmp_path):

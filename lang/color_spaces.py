@@ -49,13 +49,13 @@ _ROWS = (
     (ColorSpace("lin_adobergb", ADOBE), "lin_adobergb_scene linear_adobergb utility_linear_adobergb"),
     (ColorSpace("srgb_p3d65", P3, SRGB), "srgb_p3d65_scene srgb_displayp3 display_p3 srgb_p3d65_display"),
     (ColorSpace("srgb_ap1", AP1, SRGB), "srgb_ap1_scene srgb_encoded_ap1"),
-    (ColorSpace("g22_rec709", REC709, 2.2), "g22_rec709_scene gamma_2_2_rec709 gamma_2_2_encoded_rec709"),
-    (ColorSpace("g18_rec709", REC709, 1.8), "g18_rec709_scene gamma_1_8_rec709 gamma_1_8_encoded_rec709"),
-    (ColorSpace("rec709_display", REC709, 2.4), "g24_rec709_scene rec1886 rec_1886_rec709 gamma_2_4_rec709"),
+    (ColorSpace("g22_rec709", REC709, 2.2), "g22_rec709_scene gamma_2_2_rec709 gamma_2_2_encoded_rec709 gamma22"),
+    (ColorSpace("g18_rec709", REC709, 1.8), "g18_rec709_scene gamma_1_8_rec709 gamma_1_8_encoded_rec709 gamma18"),
+    (ColorSpace("rec709_display", REC709, 2.4), "g24_rec709_scene rec1886 rec_1886_rec709 gamma_2_4_rec709 gamma24"),
     (ColorSpace("g22_ap1", AP1, 2.2), "g22_ap1_scene gamma_2_2_encoded_ap1"),
     (ColorSpace("g18_ap1", AP1, 1.8), "g18_ap1_scene gamma_1_8_encoded_ap1"),
     (ColorSpace("adobergb", ADOBE, _ADOBE_GAMMA), "g22_adobergb_scene adobe_rgb_1998"),
-    (ColorSpace("raw", None), "data non_color noncolor utility_raw identity"),
+    (ColorSpace("raw", None), "data non_color noncolor utility_raw identity none"),
 )  # fmt: skip
 
 

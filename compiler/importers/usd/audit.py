@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from pxr import UsdShade
 
+from ..materialx import library
 from . import tables
 from .stage import Warnings
 
@@ -50,8 +51,19 @@ class Audit:
             message = tables.INPUTS.report(f"the input `{shader_input.GetBaseName()}` of {kind}", str(shader_input.GetBaseName()))
             if shader_input.GetBaseName() == "space" and str(shader_input.Get()) in ("tangent", "None"):
                 continue  # the default of ND_normalmap
+            if message and self._is_default(shader_input, kind):
+                continue
             if message and self._matters(node, str(shader_input.GetFullName())):
                 self.warnings.tell(message, node)
+
+    def _is_default(self, shader_input: Any, kind: str) -> bool:
+        """Whether an input of a MaterialX node has the value that its definition gives it."""
+        defined = library.definition(kind)
+        port = defined.inputs.get(str(shader_input.GetBaseName())) if defined else None
+        value = shader_input.Get(self.warnings.opened.time)
+        if port is None or value is None or shader_input.HasConnectedSource():
+            return False
+        return np.array_equal(np.asarray(value), np.asarray(port.value))
 
     def _properties(self, prim: Any, kind: str) -> None:
         names = tuple(map(str, prim.GetAuthoredPropertyNames()))

@@ -50,11 +50,9 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
         warn(f"the MaterialX file `{path.name}` is not read: the package MaterialX is not installed", "pip install MaterialX")
         return None
     try:
-        root = _parsed(path, warn)
-        document = mx.createDocument()
-        options = mx.XmlReadOptions()
-        options.readXIncludeFunction = None
-        mx.readFromXmlString(document, ElementTree.tostring(root, encoding="unicode"), mx.FileSearchPath(), options)
+        document = _document(path, warn)
+        definitions = {element.getName() for element in document.getNodeDefs()}
+        outputs = _outputs(document)
         document.setDataLibrary(library.document())
     except (ElementTree.ParseError, OSError, ValueError, LookupError, RuntimeError) as failure:
         warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
@@ -63,9 +61,8 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
     stage = Usd.Stage.Open(new_layer)
     stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
     materials = list(document.getMaterialNodes()) or [node for node in document.getNodes() if node.getType() == "surfaceshader"]
-    if not materials:
+    if not materials and not outputs:
         warn(f"`{path.name}` has no `surfacematerial`: nothing of it is drawn")
-    definitions = {element.get("name", "") for element in root.iter() if element.tag.rpartition("}")[2] == "nodedef"}
     looks = [look for look in document.getLooks() if look.getMaterialAssigns()]
     if looks:
         warn(f"the looks of `{path.name}` are not drawn: a stage binds materials to its prims")
@@ -80,19 +77,62 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
                 source = reader.output(node, "out", document, prim_path)
             if source is not None:
                 material.CreateOutput(f"mtlx:{output}", Sdf.ValueTypeNames.Token).ConnectToSource(source)
+    for output in [] if materials else outputs:
+        prim_path = _ROOT.AppendChild(Tf.MakeValidIdentifier(output.getNamePath().replace("/", "_")))
+        _Document(stage, document, path.parent, definitions, warn).material_of_output(output, prim_path)
     return new_layer
 
 
-def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
-    """The elements of a document and of the documents that it includes, in or below its folder."""
-    root = _elements(read_bytes(path))
+def _outputs(document: Any) -> list[Any]:
+    """What MaterialX's viewer shows of a document without materials: outputs of the document and of graphs that define no node."""
+    graphs = [graph for graph in document.getNodeGraphs() if not graph.getNodeDefString()]
+    outputs = [output for owner in (document, *graphs) for output in owner.getOutputs()]
+    return [output for output in outputs if output.getType() in ("surfaceshader", *_NUMBERS)]
+
+
+def _document(path: Path, warn: Callable[[str], None]) -> Any:
+    """A document of the package with what it includes. Each one is of its own version, and its elements have the colour space, the prefix
+    of files and the namespace of its root. Raises ElementTree.ParseError, OSError, ValueError, LookupError, RuntimeError.
+    """
+    parsed = _parsed(path, warn)
+    documents = [_of_package(parsed[0].root)]
+    for each in parsed[1:]:
+        try:
+            documents.append(_of_package(each.root))
+        except (ValueError, LookupError, RuntimeError) as failure:
+            warn(f"the document `{each.name}` cannot be read: {failure}")
+            documents.append(library.package().createDocument())
+    for index in reversed(range(1, len(documents))):
+        documents[parsed[index].parent].importLibrary(documents[index])
+    return documents[0]
+
+
+def _of_package(root: ElementTree.Element) -> Any:
+    mx = library.package()
+    document, options = mx.createDocument(), mx.XmlReadOptions()
+    options.readXIncludeFunction = None
+    mx.readFromXmlString(document, ElementTree.tostring(root, encoding="unicode"), mx.FileSearchPath(), options)
+    return document
+
+
+@dataclass(frozen=True, slots=True)
+class _Parsed:
+    """The elements of a document. `parent` is the index of the document that includes it."""
+
+    root: ElementTree.Element
+    folder: Path
+    name: str = ""
+    parent: int = 0
+
+
+def _parsed(path: Path, warn: Callable[[str], None]) -> list[_Parsed]:
+    """A document and the documents that it includes, in or below its folder."""
+    result = [_Parsed(_elements(read_bytes(path)), path.parent)]
     folder, read = path.parent.resolve(), {path.resolve()}
-    waiting = [(root, path.parent)]
-    while waiting:
-        parent, where = waiting.pop()
-        for child in [each for each in parent if each.tag.rpartition("}")[2] == "include"]:
-            parent.remove(child)
-            file = (where / child.get("href", "")).resolve()
+    for index, document in enumerate(result):  # grows
+        for child in [each for each in document.root if each.tag.rpartition("}")[2] == "include"]:
+            document.root.remove(child)
+            file = (document.folder / child.get("href", "")).resolve()
             if file in read:
                 continue
             if not file.is_relative_to(folder) or len(read) > MOST_INCLUDES:
@@ -104,11 +144,11 @@ def _parsed(path: Path, warn: Callable[[str], None]) -> ElementTree.Element:
                 warn(f"the document `{child.get('href')}` cannot be read: {failure}")
                 continue
             read.add(file)
-            waiting.append((included, file.parent))
-            root.extend(each for each in included if each.tag.rpartition("}")[2] != "include")
-    for element in root.iter("node"):  # the long form of 1.39
-        element.tag = element.get("nodetype") or "node"
-    return root
+            result.append(_Parsed(included, file.parent, child.get("href", ""), index))
+    for document in result:
+        for element in document.root.iter("node"):  # the long form of 1.39
+            element.tag = element.get("nodetype") or "node"
+    return result
 
 
 def _elements(data: bytes) -> ElementTree.Element:
@@ -192,12 +232,28 @@ class _Document:
             for port in node.getInputs():
                 defined = written.getActiveInput(port.getName()) if written is not None else None
                 types = port.getType(), port.getType() if defined is None else defined.getType()
-                if types[0] != types[1]:
+                if types == ("string", "integer") and (number := _enumerated(defined, port.getValueString())) is not None:
+                    shader.CreateInput(Tf.MakeValidIdentifier(port.getName()), Sdf.ValueTypeNames.Int).Set(number)
+                elif types[0] != types[1]:
                     self.warn(f"the input `{port.getName()}` of `{node.getName()}` is a {types[0]}, not a {types[1]}: it takes its default")
                 else:
                     self._input(shader, port, scope, scope_path)
         UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(name, Sdf.ValueTypeNames.Token)
         return path.AppendProperty(f"outputs:{name}")
+
+    def material_of_output(self, output: Any, prim_path: Any) -> None:
+        """A material of a surface shader, or one that emits the values of an output."""
+        owner = output.getParent()
+        in_graph = owner.isA(library.package().NodeGraph)
+        source = self._graph(owner, prim_path, output.getName(), [], owner) if in_graph else self.source(output, owner, prim_path)
+        if source is None:
+            return
+        if (kind := output.getType()) != "surfaceshader":
+            shader = UsdShade.Shader.Define(self.stage, prim_path.AppendChild("shown"))
+            shader.CreateIdAttr(f"ND_convert_{kind}_surfaceshader")
+            shader.CreateInput("in", _TYPES[kind]).ConnectToSource(source)
+            source = shader.CreateOutput("out", Sdf.ValueTypeNames.Token).GetAttr().GetPath()
+        UsdShade.Material.Define(self.stage, prim_path).CreateOutput("mtlx:surface", Sdf.ValueTypeNames.Token).ConnectToSource(source)
 
     def _graph(self, graph: Any, scope_path: Any, output: str, inputs: list[Any], scope: Any, path: Any = None) -> Any:
         """The path of an output of a node graph, which is copied below `scope_path`, or to `path` with the inputs of a node."""
@@ -230,8 +286,9 @@ class _Document:
                 shader_input.ConnectToSource(source)
         elif (value := self._value(port, type_)) is not None:
             shader_input.Set(value)
-        if type_ in ("color3", "color4", "filename") and (space := port.getActiveColorSpace()):
-            shader_input.GetAttr().SetColorSpace(space)
+        space = port.getActiveColorSpace() if type_ in ("color3", "color4", "filename") else ""
+        if space or type_ == "filename":  # a picture without a colour space is read as it is: MaterialX converts none
+            shader_input.GetAttr().SetColorSpace(space or "raw")
 
     def _value(self, port: Any, type_: str) -> Any:
         text = port.getValueString()
@@ -245,4 +302,24 @@ class _Document:
             self.warn(f"`{text[:40]}` is not of the type {type_}: the input takes its default")
         elif type_.startswith("matrix"):
             return Gf.Matrix3d(*value) if type_ == "matrix33" else Gf.Matrix4d(*value)
+        elif (factor := self._units(port)) != 1.0 and isinstance(value, float | tuple):
+            return value * factor if isinstance(value, float) else tuple(each * factor for each in value)
         return value
+
+    def _units(self, port: Any) -> float:
+        """The factor that makes a value metres or degrees, by its `unit` and `unittype`; 1 without both."""
+        unit, kind = port.getUnit(), port.getUnitType()
+        if not unit or not kind:
+            return 1.0
+        scales = {each.getName(): each.getAttribute("scale") for each in self.document.getUnitDefs()
+                  if each.getUnitType() == kind for each in each.getUnits()}  # fmt: skip
+        if unit not in scales:
+            self.warn(f"the unit `{unit}` of `{port.getNamePath()}` is not known: the value is drawn as it is")
+        return float(scales.get(unit, 1.0))
+
+
+def _enumerated(defined: Any, text: str) -> int | None:
+    """The number of an integer input that has a name for it, as `presence` of opacityMode."""
+    names, values = (defined.getAttribute(name).split(",") for name in ("enum", "enumvalues"))
+    named = dict(zip((name.strip() for name in names), values, strict=False))
+    return int(named[text]) if named.get(text, "").strip().lstrip("-").isdigit() else None

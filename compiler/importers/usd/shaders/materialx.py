@@ -41,6 +41,7 @@ PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 _ALIASES = {"wrapS": "uaddressmode", "wrapT": "vaddressmode"}  # of ND_image
 WRAPS = {"periodic": ir.Wrap.REPEAT, "clamp": ir.Wrap.CLAMP, "mirror": ir.Wrap.MIRROR, "constant": ir.Wrap.BLACK}
 _PARTS = {"outr": "r", "outg": "g", "outb": "b", "outa": "a", "outx": "r", "outy": "g", "outz": "b", "outw": "a"}
+_NUMBERS = tuple(f"ND_{kind}_{type_}" for kind in ("image", "tiledimage") for type_ in ("float", "vector"))
 _PASSING = ("ND_convert_", "ND_dot_", "ND_normalmap", "ND_separate", "ND_extract_")
 SOURCES = Picture | Primvar | Graph
 Source = Callable[[Any, Any], Any]
@@ -122,6 +123,8 @@ def tiling(node: Any, source: Source) -> np.ndarray:
 
 def color_space(node: Any, written: str, config: Config | None, tell: Callable[[str, Any], None]) -> str:
     """The colour space of a node's picture, `written` or that in the metadata of its file; see known_space."""
+    if str(node.GetIdAttr().Get()).startswith(_NUMBERS):
+        return "raw"  # MaterialX converts colours alone
     file_input = node.GetInput("file")
     names = [str(attribute.GetColorSpace()) for attribute in file_input.GetValueProducingAttributes()] if file_input else []
     return known_space(next((n for n in (written, *names) if n), "auto"), config, tell, node.GetPrim())

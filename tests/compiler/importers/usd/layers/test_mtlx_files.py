@@ -1,8 +1,12 @@
 """References to MaterialX documents."""
 
+import math
+
 import numpy as np
 import pytest
 from maquette.compiler import ir
+from maquette.compiler.load import load as load_file
+from maquette.lang.diagnostics import Diagnostics
 
 from .....files import write_image
 from ..stages import SQUARE, load, slot
@@ -93,3 +97,118 @@ def test_blanks_before_the_declaration(tmp_path, before):
     scene, messages = stage(tmp_path, "Plain", before + DOCUMENT.lstrip())
     assert messages == []
     assert np.allclose(slot(scene, "DIFFUSE"), [0.4, 0.2, 0.1])
+
+
+ONE = '<surfacematerial name="{0}" type="material"><input name="surfaceshader" type="surfaceshader" nodename="{1}"/></surfacematerial>'
+
+
+def texels(tables, row, channel=ir.Slot.DIFFUSE):
+    image = tables.textures.image[tables.materials.textures[row, channel]]
+    return tables.images.texels[tables.images.first[image]].tolist()
+
+
+def opened(path):
+    diagnostics = Diagnostics()
+    return load_file(path, diagnostics=diagnostics).tables, [item.message for item in diagnostics.items]
+
+
+def test_an_included_document_keeps_its_version_colour_space_and_prefix(tmp_path):
+    for folder in ("part", "maps"):
+        (tmp_path / folder).mkdir()
+    write_image(tmp_path / "maps" / "t.png", np.array([[[255, 0, 0]]], np.uint8))
+    (tmp_path / "part" / "p.mtlx").write_text("""<materialx version="1.36" colorspace="srgb_texture" fileprefix="maps/">
+        <image name="i" type="color3"><parameter name="file" type="filename" value="t.png"/></image>
+        <material name="Old"><shaderref name="s" node="standard_surface">
+        <bindinput name="base_color" type="color3" value="0.5, 0.5, 0.5"/></shaderref></material>
+        <material name="Map"><shaderref name="q" node="standard_surface">
+        <bindinput name="base_color" type="color3" nodename="i"/></shaderref></material></materialx>""")
+    (tmp_path / "m.mtlx").write_text(
+        '<materialx version="1.39" xmlns:xi="http://www.w3.org/2001/XInclude"><xi:include href="part/p.mtlx"/>'
+        '<standard_surface name="a" type="surfaceshader"><input name="base_color" type="color3" value="0.5, 0.5, 0.5"/></standard_surface>'
+        + ONE.format("New", "a") + "</materialx>"
+    )  # fmt: skip
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    colors = tables.materials.values[:, ir.Slot.DIFFUSE, 0]
+    assert np.isclose(colors, ((0.5 + 0.055) / 1.055) ** 2.4).any()  # of sRGB
+    assert np.isclose(colors, 0.5).any()
+    assert [1, 0, 0, 1] in [texels(tables, row) for row in np.flatnonzero(tables.materials.textures[:, ir.Slot.DIFFUSE] >= 0)]
+
+
+def test_units_are_metres_and_degrees(tmp_path):
+    value = '<input name="{}" type="float" value="{}" unittype="{}" unit="{}"/>'
+    inputs = value.format("base", 20, "distance", "inch") + value.format("metalness", 0.005, "angle", "radian")
+    inputs += value.format("coat", 0.25, "distance", "cubit")
+    text = f'<standard_surface name="a" type="surfaceshader">{inputs}</standard_surface>' + ONE.format("M", "a")
+    (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}</materialx>')
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == ["the unit `cubit` of `a/coat` is not known: the value is drawn as it is"]
+    rows = tables.materials.values[tables.materials.values[:, ir.Slot.COAT, 0] == 0.25]
+    assert rows[0, ir.Slot.DIFFUSE, 0] == pytest.approx(0.8 * 20 * 0.0254)
+    assert rows[0, ir.Slot.METALLIC, 0] == pytest.approx(math.degrees(0.005))
+
+
+@pytest.mark.parametrize(("mode", "passes"), [("presence", True), ("1", True), ("transparent", False), ("glassy", False)])
+def test_an_integer_may_have_its_name(tmp_path, mode, passes):
+    kind = "integer" if mode.isdigit() else "string"
+    inputs = f'<input name="opacity" type="float" value="0.25"/><input name="opacityMode" type="{kind}" value="{mode}"/>'
+    text = f'<UsdPreviewSurface name="a" type="surfaceshader">{inputs}</UsdPreviewSurface>' + ONE.format("M", "a")
+    (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}</materialx>')
+    tables, messages = opened(tmp_path / "m.mtlx")
+    told = ["the input `opacityMode` of `a` is a string, not a integer: it takes its default"] if mode == "glassy" else []
+    assert messages == told
+    plain, _ = opened(_with_mode(tmp_path, int(passes)))
+    assert np.array_equal(tables.materials.values, plain.materials.values)
+
+
+def _with_mode(folder, number):
+    inputs = f'<input name="opacity" type="float" value="0.25"/><input name="opacityMode" type="integer" value="{number}"/>'
+    text = f'<UsdPreviewSurface name="a" type="surfaceshader">{inputs}</UsdPreviewSurface>' + ONE.format("M", "a")
+    (folder / "number.mtlx").write_text(f'<materialx version="1.39">{text}</materialx>')
+    return folder / "number.mtlx"
+
+
+def test_a_document_without_materials_shows_its_outputs(tmp_path):
+    (tmp_path / "m.mtlx").write_text("""<materialx version="1.39"><nodegraph name="g">
+        <standard_surface name="s" type="surfaceshader"><input name="metalness" type="float" value="0.5"/></standard_surface>
+        <constant name="c" type="color3"><input name="value" type="color3" value="0.25, 0.5, 1"/></constant>
+        <constant name="f" type="float"><input name="value" type="float" value="0.125"/></constant>
+        <output name="surface" type="surfaceshader" nodename="s"/><output name="color" type="color3" nodename="c"/>
+        <output name="number" type="float" nodename="f"/></nodegraph></materialx>""")
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    values = tables.materials.values
+    assert (values[:, ir.Slot.METALLIC, 0] == 0.5).any()
+    emitted = values[:, ir.Slot.EMISSION].tolist()
+    assert [0.25, 0.5, 1.0] in emitted
+    assert [0.125] * 3 in emitted
+
+
+@pytest.mark.parametrize(
+    ("kind", "space", "stored"),
+    [("color3", "srgb_texture", 0.2158605), ("color3", "", 128 / 255), ("color3", "none", 128 / 255), ("color3", "gamma22", 0.2195197),
+     ("float", "srgb_texture", 128 / 255), ("float", "", 128 / 255)],
+)  # fmt: skip
+def test_pictures_are_converted_where_a_colour_has_a_space(tmp_path, kind, space, stored):
+    write_image(tmp_path / "t.png", np.array([[[128, 128, 128]]], np.uint8))
+    name = "base_color" if kind == "color3" else "specular_roughness"
+    file = f'<input name="file" type="filename" value="t.png"{f""" colorspace="{space}" """ if space else ""}/>'
+    text = f'<image name="i" type="{kind}">{file}</image><standard_surface name="a" type="surfaceshader">'
+    text += f'<input name="{name}" type="{kind}" nodename="i"/></standard_surface>' + ONE.format("M", "a")
+    (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}</materialx>')
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    slot_of = ir.Slot.DIFFUSE if kind == "color3" else ir.Slot.ROUGHNESS
+    row = int(np.flatnonzero(tables.materials.textures[:, slot_of] >= 0)[0])
+    assert texels(tables, row, slot_of)[0] == pytest.approx(stored, abs=2e-3)
+
+
+def test_inputs_without_effect_are_not_told(tmp_path):
+    write_image(tmp_path / "t.png", np.array([[[128, 128, 255]]], np.uint8))
+    text = """<tiledimage name="i" type="color3"><input name="file" type="filename" value="t.png"/>
+        <input name="realworldimagesize" type="vector2" value="{0}"/></tiledimage>
+        <standard_surface name="a" type="surfaceshader"><input name="base_color" type="color3" nodename="i"/>
+        <input name="specular" type="float" value="0"/><input name="specular_IOR" type="float" value="0"/></standard_surface>"""
+    for size, told in (("1, 1", []), ("2, 1", ["the input `realworldimagesize` of ND_tiledimage_color3 is not drawn"])):
+        (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text.format(size)}{ONE.format("M", "a")}</materialx>')
+        assert opened(tmp_path / "m.mtlx")[1] == told

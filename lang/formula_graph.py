@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .diagnostics import Span
+from .elements import Element
 from .limits import MAX_APPLIED, MAX_TERMS, Exhausted
 from .noise import noise
 
@@ -79,10 +80,21 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 }
 TRUTHS = frozenset({"less", "at_most", "greater", "at_least", "equal", "unequal", "and", "or", "not"})
 
+# Operations that only patterns of materials have: channels of a looked-up picture, and MaterialX's noise, whose values are those of its
+# nodes noise2d, noise3d and cellnoise (compiler/texture_graph/noise.py).
+CHANNELS = ("red", "green", "blue", "alpha")
+NOISES = ("perlin", "perlin_r", "perlin_g", "perlin_b", "cellnoise", "cellnoise_r", "cellnoise_g", "cellnoise_b")
+PATTERN_OPERATIONS = frozenset({*CHANNELS, *NOISES})
+PATTERN_INPUTS = (("u", "v"), ("x", "y", "z"), ("x", "y", "z", "u", "v"), ("x", "y", "z", "u", "v", "nx", "ny", "nz"))
+"""What the parameters of a pattern are, by their number: the point, texture coordinates, and the normal."""
+
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """One operation: `args` are indices of earlier nodes. `constant` has its `value`; `parameter` has its index as `value`."""
+    """One operation: `args` are indices of earlier nodes. `constant` has its `value`; `parameter` has its index as `value`.
+
+    A channel of a picture has the picture's index in `Formula.pictures` as `value`.
+    """
 
     op: str
     args: tuple[int, ...] = ()
@@ -99,6 +111,7 @@ class Formula:
     kind        type of the result: "number", "truth", "list" or "color"
     unit        metres in one unit of its coordinates (the unit of the file it is written in)
     span        its place in the source
+    pictures    the image elements that it looks up
     """
 
     parameters: tuple[str, ...]
@@ -107,6 +120,7 @@ class Formula:
     kind: str
     unit: float
     span: Span
+    pictures: tuple[Element, ...] = ()
 
 
 def evaluate(formula: Formula, values: Sequence[float]) -> Any:
@@ -161,6 +175,7 @@ class Graph:
     def __init__(self, unit: float) -> None:
         self.unit = unit
         self.terms: list[Term] = []
+        self.pictures: list[Element] = []
         self._known: dict[tuple[object, ...], Term] = {}
         self._applied = 0  # operations so far, equal ones counted each time
 
@@ -176,7 +191,7 @@ class Graph:
         if self._applied > MAX_APPLIED:
             message = f"the formula has more than {MAX_APPLIED:,} operations, equal ones counted each time"
             raise Exhausted(message, "bind repeated parts with `let`")
-        if all(a.op == "constant" for a in args):
+        if op in OPERATIONS and all(a.op == "constant" for a in args):
             try:
                 value = OPERATIONS[op](*(a.value for a in args))
             except (ArithmeticError, ValueError):
@@ -187,8 +202,30 @@ class Graph:
             return args[1] if args[0].value else args[2]
         return self._term(op, args, 0.0)
 
+    def look_up(self, picture: Element, u: Term, v: Term) -> list[Term]:
+        """Red, green, blue and alpha of a picture at u and v."""
+        if picture not in self.pictures:
+            self.pictures.append(picture)
+        number = float(self.pictures.index(picture))
+        return [self._term(channel, (u, v), number) for channel in CHANNELS]
+
+    def inline(self, formula: Formula, arguments: Sequence[Term]) -> list[Term]:
+        """The results of another formula whose parameters have these values."""
+        done: list[Term] = []
+        for node in formula.nodes:
+            if node.op == "constant":
+                done.append(self.constant(node.value))
+            elif node.op == "parameter":
+                done.append(arguments[int(node.value)])
+            elif node.op in CHANNELS:
+                texel = self.look_up(formula.pictures[int(node.value)], *[done[i] for i in node.args])
+                done.append(texel[CHANNELS.index(node.op)])
+            else:
+                done.append(self.apply(node.op, *[done[i] for i in node.args]))
+        return [done[i] for i in formula.results]
+
     def _term(self, op: str, args: tuple[Term, ...], value: float | bool) -> Term:
-        key = (op, *[a.index for a in args]) if args else (op, type(value), value, math.copysign(1.0, value))
+        key = (op, value, *[a.index for a in args]) if args else (op, type(value), value, math.copysign(1.0, value))
         term = self._known.get(key)
         if term is None:
             if len(self.terms) >= MAX_TERMS:
@@ -209,4 +246,4 @@ class Graph:
                 stack.extend(term.args)
         place = {index: i for i, index in enumerate(sorted(needed))}
         nodes = tuple(Node(t.op, tuple(place[a.index] for a in t.args), t.value) for t in self.terms if t.index in needed)
-        return Formula(parameters, nodes, tuple(place[t.index] for t in results), kind, self.unit, span)
+        return Formula(parameters, nodes, tuple(place[t.index] for t in results), kind, self.unit, span, tuple(self.pictures))

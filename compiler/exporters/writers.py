@@ -55,7 +55,7 @@ WRITERS = (
         {".scene": "readable source"},
         "language.scene",
         "shapes as they are, meshes beside it, others as triangles",
-        "everything but patterns of other programs",
+        "everything",
         "everything but motion",
     ),
     Writer("Mitsuba 3", {".xml": "Mitsuba 3"}, "mitsuba.scene", *_OWN, deviation=False),

@@ -1,14 +1,16 @@
-"""Translates formulas, as recorded by lang.formula_graph, to operations of a Builder."""
+"""Translates formulas, as recorded by lang.formula_graph, to operations of tapes."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from ...lang.formula_graph import Formula, Node
+from ...lang.formula_graph import CHANNELS, PATTERN_OPERATIONS, Formula, Node
 from ...lang.input_error import InputError
 from . import factor_cancellation, regularize
 from .builder import Builder
 from .opcodes import Op
+from .operation_rows import OperationRows
 from .tape import X, Y, Z
 
 _OPCODES = {
@@ -33,11 +35,13 @@ def add_formula(builder: Builder, formula: Formula, inputs: Sequence[int] = (X, 
     return tuple(translator.field(i, exact=exact) if formula.kind == "truth" else translator.number(i) for i in formula.results)
 
 
-class Translator:
-    """Translates the nodes of one formula."""
+class NodeTranslator(ABC):
+    """Translates the nodes of one formula. `inputs` are the values of its parameters."""
 
-    def __init__(self, builder: Builder, formula: Formula, inputs: Sequence[int]) -> None:
-        self.builder, self.formula, self.inputs = builder, formula, inputs
+    builder: OperationRows
+
+    def __init__(self, formula: Formula, inputs: Sequence[int]) -> None:
+        self.formula, self.inputs = formula, inputs
         self.values: list[int | None] = []  # of each node; None: a truth value, translated by `field`
         self._fields: dict[tuple[int, bool, bool], int] = {}
         for node in formula.nodes:  # in order of evaluation, without recursion: formulas may be deep
@@ -54,8 +58,6 @@ class Translator:
         if node.op == "constant":
             return None if isinstance(node.value, bool) else b.constant(node.value)
         if node.op == "parameter":
-            if int(node.value) >= len(self.inputs):
-                raise NotASurface("a surface's formula has three parameters, x, y and z", "write |x, y, z| …")
             return self.inputs[int(node.value)]
         operands = [self.values[i] for i in node.args]
         if node.op == "select":
@@ -66,10 +68,10 @@ class Translator:
         names: list[int] = operands  # type: ignore[assignment]
         if node.op == "power":
             return b.power(*names)
-        if node.op == "divide":
-            return factor_cancellation.divide(b, *names)
-        if node.op == "mod":
-            return factor_cancellation.remainder(b, *names)
+        if node.op in PATTERN_OPERATIONS:
+            return self.of_pattern(node, names)
+        if node.op in ("divide", "mod"):
+            return self.quotient(*names) if node.op == "divide" else self.remainder(*names)
         if node.op == "round":
             return b.op(Op.FLOOR, b.offset(names[0], 0.5))
         if node.op == "noise":
@@ -107,16 +109,56 @@ class Translator:
             condition = self.field(node.args[0], exact=True)
             return b.op(Op.CHOOSE, condition, self.field(node.args[1], negated, exact), self.field(node.args[2], negated, exact))
         if node.op in _NEGATED:
-            return self._inequality(node, _NEGATED[node.op] if negated else node.op, exact)
+            return self.inequality(node, _NEGATED[node.op] if negated else node.op, exact)
         equal = (node.op == "equal") != negated
         if self.compares_truths(node):
             first, second = node.args
             both = b.op(Op.MAX, self.field(first, False, exact), self.field(second, not equal, exact))
             neither = b.op(Op.MAX, self.field(first, True, exact), self.field(second, equal, exact))
             return b.op(Op.MIN, both, neither)
-        return self._equality(node, equal, exact)
+        return self.equality(node, equal, exact)
 
-    def _inequality(self, node: Node, relation: str, exact: bool) -> int:
+    # --- operations that differ between tapes ---
+
+    @abstractmethod
+    def of_pattern(self, node: Node, names: Sequence[int]) -> int:
+        """An operation of PATTERN_OPERATIONS."""
+
+    @abstractmethod
+    def quotient(self, a: int, b: int) -> int: ...
+
+    @abstractmethod
+    def remainder(self, a: int, b: int) -> int: ...
+
+    @abstractmethod
+    def inequality(self, node: Node, relation: str, exact: bool) -> int:
+        """The field of `less`, `at_most`, `greater` or `at_least`."""
+
+    @abstractmethod
+    def equality(self, node: Node, equal: bool, exact: bool) -> int:
+        """The field of the equality of numbers, or with equal=False of its reverse."""
+
+
+class Translator(NodeTranslator):
+    """Translates a formula of the point for surfaces and for textures without pictures."""
+
+    builder: Builder
+
+    def __init__(self, builder: Builder, formula: Formula, inputs: Sequence[int]) -> None:
+        self.builder = builder
+        super().__init__(formula, inputs)
+
+    def of_pattern(self, node: Node, names: Sequence[int]) -> int:
+        thing = "a picture is looked up" if node.op in CHANNELS else f"{node.op.partition('_')[0]} has values"
+        raise NotASurface(f"{thing} in patterns of materials alone", "write noise(x, y, z) here" if node.op not in CHANNELS else "")
+
+    def quotient(self, a: int, b: int) -> int:
+        return factor_cancellation.divide(self.builder, a, b)
+
+    def remainder(self, a: int, b: int) -> int:
+        return factor_cancellation.remainder(self.builder, a, b)
+
+    def inequality(self, node: Node, relation: str, exact: bool) -> int:
         b = self.builder
         left, right = (self.number(i) for i in node.args)
         strictly = relation in ("less", "greater")
@@ -126,7 +168,7 @@ class Translator:
         interior = regularize.regularize(b, field)[0]  # a strict inequality does not hold on sheets
         return b.constant(1.0) if interior is None else interior
 
-    def _equality(self, node: Node, equal: bool, exact: bool) -> int:
+    def equality(self, node: Node, equal: bool, exact: bool) -> int:
         b = self.builder
         difference = b.subtract(*(self.number(i) for i in node.args))
         if b.is_integer(difference):

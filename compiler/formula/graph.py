@@ -11,8 +11,6 @@ from .operation_rows import OperationRows
 from .piecewise_constant import NOWHERE, Values, constant_values, union
 from .tape import INPUTS
 
-MOST_FACTORS = 64  # whole powers up to this are products
-
 
 @dataclass(eq=False)
 class Graph(OperationRows):
@@ -82,31 +80,6 @@ class Graph(OperationRows):
         return False
 
     # --- expressions of several operations ---
-
-    def power(self, a: int, b: int) -> int:
-        """a to the b: products for whole b, a root for b = ½."""
-        exponent = self.number(b)
-        if exponent == 0.5:
-            return self.op(Op.SQRT, a)
-        if exponent is None or exponent != int(exponent) or not abs(exponent) <= MOST_FACTORS or exponent == 0.0:
-            return self.op(Op.POWER, a, b)
-        product, square, remaining = None, a, abs(int(exponent))
-        while remaining % 3 == 0:
-            square, remaining = self.op(Op.CUBE, square), remaining // 3
-        while remaining:
-            if remaining & 1:
-                product = square if product is None else self.multiply(product, square)
-            remaining >>= 1
-            square = self.op(Op.SQUARE, square) if remaining else square
-        assert product is not None
-        return product if exponent > 0 else self.op(Op.DIVIDE, self.constant(1.0), product)
-
-    def reduce(self, op: Op, names: Sequence[int]) -> int:
-        """MIN, MAX or HYPOT of any number of values."""
-        total = names[0]
-        for name in names[1:]:
-            total = self.op(op, total, name)
-        return self.op(Op.ABS, total) if op == Op.HYPOT and len(names) == 1 else total
 
     def linear(self, terms: Sequence[tuple[float, int]], offset: float = 0.0) -> int:
         """Σ factor · value + offset."""

@@ -11,20 +11,18 @@ from ...lang.formula_graph import Formula
 from ...materials.catalogue import ELEMENTS
 from ...materials.contract import Lobes
 from .. import ir
-from ..formula.builder import Builder
-from ..formula.from_formula import NotASurface, add_formula
-from ..formula.opcodes import Op
 from ..formula.tape import Tape
 from ..importers import images
 from ..importers.images import ImageError
 from ..io.sandbox import FileError
 from ..scene import partial_coverage
 from ..scene.row_records import BLACK, WHITE, Input, MaterialData, MediumData, TextureData, scale_color
-from . import flakes
+from ..texture_graph.from_formula import PictureRow, needs_graph
+from . import flakes, patterns
 from .context import Context
 
 Slot = ir.Slot
-MOST_PATTERN = 509  # operations of a pattern, the limit of the kernels (render/texture/procedural.py)
+_PLAIN = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 _SHADING = {"phong": ir.Shading.SMOOTH, "gouraud": ir.Shading.GOURAUD, "flat": ir.Shading.FLAT}
 _MAPPINGS = {m.name.lower(): m for m in ir.TextureMapping}
 _WRAPS = {w.name.lower(): w for w in ir.Wrap}
@@ -170,33 +168,24 @@ class Materials:
 
     def _pattern(self, element: Element, formula: Formula, color: bool) -> TextureData | None:
         """A pattern; coordinates are in the unit of its file, frames are in metres."""
-        tape = self.pattern_tape(element, formula, color, formula.unit)
+        if needs_graph(formula):
+            tape = patterns.graph(self._lowering, element, formula, color, self._picture_row)
+        else:
+            tape = self.pattern_tape(element, formula, color, formula.unit)
         return None if tape is None else TextureData(ir.TextureKind.FORMULA, tape=self._lowering.builder.tape(tape), channel=-1)
 
     def pattern_tape(self, element: Element, formula: Formula, color: bool, unit: float, what: str = "pattern") -> Tape | None:
-        """The tape of a pattern, whose coordinates are divided by `unit`; None after a diagnostic. A density is 0 where it is negative."""
-        builder = Builder()
-        point = [builder.scale(name, 1.0 / unit) for name in (0, 1, 2)]
-        try:
-            if len(formula.parameters) != 3:
-                message = f"a {what}'s formula has three parameters, x, y and z, not {len(formula.parameters)}"
-                raise NotASurface(message, "write |x, y, z| …")
-            if formula.kind == "list" or (formula.kind == "color" and not color):
-                wanted = "a number or a colour" if color else "a number"
-                raise NotASurface(f"a {what} here gives {wanted}, not a {formula.kind}", "write rgb(r, g, b)" if color else "")
-            results = add_formula(builder, formula, point, exact=True)
-        except NotASurface as unfit:
-            self._lowering.error(element, str(unfit), unfit.hint)
+        """The tape of a pattern of the point, or of a density; `what` is its name in messages."""
+        return patterns.of_point(self._lowering, element, formula, color, unit, what)
+
+    def _picture_row(self, element: Element) -> PictureRow | None:
+        """The image texture that a formula looks up; None after a diagnostic."""
+        args = element.args
+        data = self._texture(element, color=args["channel"] in (None, "a"), data=False)
+        if data is None:
             return None
-        if formula.kind == "truth":
-            results = (builder.op(Op.CHOOSE, results[0], builder.constant(1.0), builder.constant(0.0)),)
-        if what == "density":
-            results = (builder.op(Op.MAX, results[0], builder.constant(0.0)),)
-        tape = builder.finish(*results)
-        if len(tape.code) > MOST_PATTERN:
-            self._lowering.error(element, f"the {what} has {len(tape.code)} operations: {MOST_PATTERN} at the most")
-            return None
-        return tape
+        plain = replace(data, frame=_PLAIN, gain=WHITE, bias=BLACK, channel=-1)
+        return PictureRow(self._lowering.builder.texture(plain, element.place), data.frame, data.gain, data.bias)
 
     def image(self, element: Element, name: str, space: str, color: bool) -> int:
         """The row of an image file; -1 after a diagnostic."""

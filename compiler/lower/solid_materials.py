@@ -17,7 +17,7 @@ from ..formula.solid_fields import Point
 from ..formula.tape import X, Y, Z
 from ..scene.row_records import Input, MaterialData, TextureData
 from .context import Context
-from .materials import MOST_PATTERN
+from .patterns import MOST_OPERATIONS
 
 EQUAL = 1e-9  # of a solid's size: surfaces this close coincide, and belong to the first part
 Field = Callable[[Builder, Point], int]
@@ -114,8 +114,8 @@ def row(lowering: Context, element: Element, looks: Looks, default: int) -> int:
         first = builder.add(first, share)
         weight = share if number == others[-1][0] else builder.op(Op.DIVIDE, share, builder.op(Op.MAX, first, builder.constant(1e-9)))
         tape = builder.finish(weight)
-        if len(tape.code) > MOST_PATTERN:
-            message = f"the parts of this solid take {len(tape.code)} operations to tell apart: {MOST_PATTERN} at the most"
+        if len(tape.code) > MOST_OPERATIONS:
+            message = f"the parts of this solid take {len(tape.code)} operations to tell apart: {MOST_OPERATIONS} at the most"
             lowering.error(element, message, "give one material to the solid, or draw some parts beside it")
             return default
         texture = lowering.builder.texture(

@@ -12,7 +12,7 @@ from . import operators
 from .builtin_table import apply_operation, bare_radians, define, require_list, require_number, require_scalar
 from .context import Scope
 from .operators import check_finite, has_term, record, split, unify
-from .values import ForeignNumber, Mistake, Value, describe
+from .values import Color, ForeignNumber, Mistake, Value, describe
 
 
 def _trigonometry(name: str) -> None:
@@ -184,3 +184,36 @@ def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
     parts += [0.0] * (3 - len(parts))
     moved = [operators.add(part, float(by), scope) if by else part for part, by in zip(parts, lattice_offset(int(seed)), strict=True)]
     return apply_operation("noise", *moved)
+
+
+# --- noise of patterns ------------------------------------------------------------------------------------------------
+
+
+def _of_pattern(op: str, parts: tuple[Value, ...]) -> Value:
+    """A noise that patterns alone have. Raises Mistake for plain numbers."""
+    for i, part in enumerate(parts):
+        require_number(part, i)
+    if not has_term(*parts):
+        name = op.partition("_")[0]
+        raise Mistake(f"{name} has values inside of a pattern alone", "noise(x, y, z, seed) has them everywhere")
+    return record(op, *parts)
+
+
+@define("perlin x y z?", "MaterialX's gradient noise of two or three numbers, about -1..1, in patterns")
+def _perlin(scope: Scope, *parts: Value) -> Value:
+    return _of_pattern("perlin", parts)
+
+
+@define("perlin_color x y z?", "a colour of three gradient noises, as MaterialX's noise2d and noise3d of three numbers, in patterns")
+def _perlin_color(scope: Scope, *parts: Value) -> Value:
+    return Color(*[_of_pattern(f"perlin_{channel}", parts) for channel in "rgb"])
+
+
+@define("cellnoise x y? z?", "MaterialX's random number 0..1 of the cell with whole sides that contains the point, in patterns")
+def _cellnoise(scope: Scope, *parts: Value) -> Value:
+    return _of_pattern("cellnoise", parts)
+
+
+@define("cellnoise_color x y z", "a colour of three random numbers of the cell that contains the point, in patterns")
+def _cellnoise_color(scope: Scope, *parts: Value) -> Value:
+    return Color(*[_of_pattern(f"cellnoise_{channel}", parts) for channel in "rgb"])

@@ -14,7 +14,7 @@ from ..schema.argument_types import Entry
 from ..schema.shapes import GROUP
 from ..syntax import ast
 from ..syntax.parser import parse
-from . import arguments
+from . import arguments, texture_calls
 from . import parameters as eval_parameters
 from .context import ArgumentValue, Code, Evaluator, Scope, Thunk
 from .values import (
@@ -28,6 +28,7 @@ from .values import (
     UserFunction,
     Value,
     callable_name,
+    category,
     describe,
     is_placeable,
     kind,
@@ -78,6 +79,8 @@ def apply(evaluator: Evaluator, function: Value, givens: list[ArgumentValue], si
     if type(function) is AssetPart:
         file = ArgumentValue("file", site.callee, function.file, site.callee)
         return make_element(evaluator, function.entry, [file, *givens], site)
+    if category(function) == "texture":
+        return texture_calls.call(function, givens)
     is_made = isinstance(function, Element) and is_placeable(function)
     hint = f"it is an element already: write transform(…) {{ {site.label} }}" if is_made else ""
     raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)

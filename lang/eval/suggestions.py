@@ -171,7 +171,6 @@ _NAMES: dict[str, str] = {
     "ln": "write log(x)",
     "log10": "write log(x) / log(10)",
     "hsl": "write hsv(hue, saturation, value)",
-    "perlin": "write noise(x, y, z)",
     "simplex": "write noise(x, y, z)",
     **dict.fromkeys(("random", "rand", "rands"), "noise(x, y, z, seed) is the same each time, and 0 where x, y and z are whole"),
     "checkerboard": "write checker(a, b)",

@@ -63,8 +63,16 @@ TEXTURES = (
     Entry(
         "pattern",
         "texture",
-        "a formula of the point in the object's frame: a number (grey), a truth value (1 or 0) or a colour",
-        (Arg("formula", "formula", REQUIRED, "its value; x, y and z are plain numbers in the file's unit"),),
+        "a formula of the point in the object's frame, or of texture coordinates: a number (grey), a truth value (1 or 0) or a colour",
+        (
+            Arg(
+                "formula",
+                "formula",
+                REQUIRED,
+                "its value at |x, y, z| in the file's unit, |u, v|, |x, y, z, u, v| or |x, y, z, u, v, nx, ny, nz| with the normal; "
+                "image(…)(u, v) and other patterns have values in it",
+            ),
+        ),
         example="pattern(|x, y, z| 0.5 + 0.4 * noise(8 * x, 8 * y, 8 * z))",
     ),
     Entry(

@@ -159,7 +159,7 @@ class _Surface:
         def heights(points: pixels.SurfacePoints) -> F64:
             return factor * self._converters.texture(texture, self.job.instance, points)
 
-        return pixels.normals_of_heights(self._points, self.atlas, self.job.stretch, heights)
+        return pixels.normals_of_heights(self._points, self.job.shell, self.atlas, self.job.stretch, heights)
 
 
 class _Bakery:

@@ -29,7 +29,7 @@ def surface_points(shell: Shell, atlas: Atlas) -> SurfacePoints:
     return SurfacePoints(local, _unit(normals), _unit(faces), uvs)
 
 
-def normals_of_heights(points: SurfacePoints, atlas: Atlas, stretch: F64, look_up: LookUp) -> F64:
+def normals_of_heights(points: SurfacePoints, shell: Shell, atlas: Atlas, stretch: F64, look_up: LookUp) -> F64:
     """(k, 3) normals of a surface with heights in metres, along u and v of the atlas and outward. Slopes are differences over a texel.
 
     `stretch` (3,) are metres a unit of the instance's frame along its axes; the atlas is one of stretched positions.
@@ -37,13 +37,28 @@ def normals_of_heights(points: SurfacePoints, atlas: Atlas, stretch: F64, look_u
     outward = _unit(points.normals / stretch)
     upright = (atlas.axes * outward).sum(axis=1, keepdims=True)
     along = _unit(atlas.tangents[:, 0] * upright - atlas.axes * (atlas.tangents[:, 0] * outward).sum(axis=1, keepdims=True))
-    step = 0.5 / atlas.density
+    step, gradients = 0.5 / atlas.density, _gradients(shell, atlas)
     slopes = []
     for direction in (along, np.cross(outward, along)):
-        ends = (points._replace(local=points.local + sign * step * direction / stretch) for sign in (1.0, -1.0))
+        move = step * direction / stretch
+        of_uv = (gradients * move[:, None]).sum(axis=2)
+        ends = (points._replace(local=points.local + sign * move, uvs=points.uvs + sign * of_uv) for sign in (1.0, -1.0))
         high, low = (np.nan_to_num(look_up(moved)[:, 0]) for moved in ends)
         slopes.append((high - low) / (2.0 * step))
     return _unit(np.stack([-slopes[0], -slopes[1], np.ones(len(slopes[0]))], axis=1))
+
+
+def _gradients(shell: Shell, atlas: Atlas) -> F64:
+    """(k, 2, 3) gradients of u and v at the texels, in the frame of the instance."""
+    if shell.uvs is None:
+        return np.zeros((len(atlas.triangle), 2, 3))
+    a, b, c = (shell.positions[shell.triangles[:, k]] for k in range(3))
+    face = np.cross(b - a, c - a)
+    size = np.maximum((face * face).sum(axis=1, keepdims=True), 1e-300)
+    first, second = np.cross(c - a, face) / size, np.cross(face, b - a) / size
+    u, v, w = (shell.uvs[shell.triangles[:, k]] for k in range(3))
+    gradients = (v - u)[..., None] * first[:, None] + (w - u)[..., None] * second[:, None]
+    return gradients[atlas.triangle]
 
 
 def picture(atlas: Atlas, values: F64) -> NDArray[np.float32]:

@@ -7,11 +7,12 @@ import unicodedata
 from collections.abc import Iterable
 
 from ....lang.eval.builtins import CONSTANTS, FUNCTIONS
+from ....lang.formula_graph import PATTERN_INPUTS
 from ....lang.syntax.lexer import KEYWORDS
 from ...catalogue import CATALOGUE
 
 LONGEST = 60  # characters of a name
-_RESERVED = frozenset((*KEYWORDS, *CATALOGUE, *FUNCTIONS, *CONSTANTS, "time", "children", "at", "frame"))
+_RESERVED = frozenset((*KEYWORDS, *CATALOGUE, *FUNCTIONS, *CONSTANTS, "time", "children", "at", "frame", *PATTERN_INPUTS[-1]))
 _DEVICES = frozenset(("con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(10))))  # of Windows
 
 

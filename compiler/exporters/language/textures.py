@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ....lang.colors import srgb_to_linear
 from ... import ir
+from ...formula.tape import load_tape
 from ...importers import images
 from ..export import Export
 from ..texture_values import pixels
@@ -20,6 +21,7 @@ from .files import Files
 
 _LEVELS = np.arange(256) / 255.0
 _ENCODINGS = {"srgb": np.array([srgb_to_linear(v) for v in _LEVELS.tolist()]), "linear": _LEVELS}
+_WHITE = (1.0, 1.0, 1.0)
 _CLOSE = 1e-6  # of a value of 8 bits
 
 
@@ -128,12 +130,21 @@ class Textures:
 
     def _pattern(self, row: int, use: str, factor: tuple[float, float, float]) -> str | None:
         gain, bias = self._linear(row, use, factor)
-        if bias.any():
-            self.out.cannot("an offset of a pattern's values is not carried", "textures", row)
-        text = formulas.pattern(self.tables, int(self.tables.textures.tape[row]), tuple(gain.tolist()))
+        tape = load_tape(self.tables, int(self.tables.textures.tape[row]))
+        text = formulas.pattern(tape, list(zip(gain.tolist(), bias.tolist(), strict=True)), self._looked_up)
         if text is None:
             self.out.cannot("a pattern is not carried: it is white", "textures", row)
         return text
+
+    def _looked_up(self, row: int, alpha: bool) -> str:
+        """The name of the image that a formula looks up, of its alpha channel or its colours."""
+        key = (row, "alpha" if alpha else "texel", _WHITE)
+        if key not in self._names:
+            picture = self.picture(int(self.tables.textures.image[row]))
+            levels = self._levels(row, "color", _WHITE, picture) | ({"channel": words.string("a")} if alpha else {})
+            self._names[key] = self.files.identifiers.new(self._source(row, "picture"), "picture")
+            self.lets.append(f"let {self._names[key]} = {words.call('image', words.string(picture.file), **levels)}")
+        return self._names[key]
 
     # --- pictures ---
 

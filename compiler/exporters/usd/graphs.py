@@ -1,16 +1,14 @@
-"""Tapes of patterns as graphs of MaterialX' nodes, over the position in the frame of the object."""
+"""Tapes of patterns as graphs of MaterialX' nodes, over the position and the normal in the frame of the object, and its coordinates."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
-
-import numpy as np
 
 from ... import ir
 from ...formula.opcodes import Op
-from ...formula.tape import INPUTS
-from ...texture_graph.opcodes import NORMAL_X, NORMAL_Z, STREAMS, U, arity
+from ...formula.tape import INPUTS, Tape, load_tape
+from ...texture_graph.opcodes import CHANNELS, NORMAL_X, STREAMS, U, arity
 from ...texture_graph.opcodes import Op as GraphOp
 from ..texture_sets import TextureSets
 from .nodes import Nodes
@@ -27,45 +25,42 @@ _UNARY = {
 _OWN = {Op.COPY, Op.NEGATE, Op.SQUARE, Op.CUBE, Op.HYPOT, Op.CHOOSE, Op.ATAN, Op.ATAN2, Op.ANGLE}
 _NOISES = {
     GraphOp.PERLIN2: ("noise2d", 2), GraphOp.PERLIN3: ("noise3d", 3), GraphOp.CELL2: ("cellnoise2d", 2), GraphOp.CELL3: ("cellnoise3d", 3),
+    **dict.fromkeys((GraphOp.PERLIN2_R, GraphOp.PERLIN2_G, GraphOp.PERLIN2_B), ("noise2d", 2)),
+    **dict.fromkeys((GraphOp.PERLIN3_R, GraphOp.PERLIN3_G, GraphOp.PERLIN3_B), ("noise3d", 3)),
 }  # fmt: skip
+_CHANNELS = {op: (op - GraphOp.PERLIN2) % 4 - 1 for op in _NOISES if op <= GraphOp.PERLIN3_B}  # of a noise of three numbers, or −1
 Value = Any  # a number, or the output of a node
 
 
-def _rows(tables: ir.Tables, tape: int) -> tuple[np.ndarray, list[float], list[int]]:
-    t, first, start = tables.tapes, int(tables.tapes.first[tape]), int(tables.tapes.first_constant[tape])
-    code = np.asarray(tables.pools.code[first : first + int(t.count[tape])])
-    constants = tables.pools.constants[start : start + int(t.constant_count[tape])].tolist()
-    return code, constants, t.results[tape, : int(t.result_count[tape])].tolist()
-
-
 def is_graph(tables: ir.Tables, texture: int) -> bool:
-    """Whether a texture is a tape that nodes of MaterialX say: without our own noise, pictures and normals."""
+    """Whether a texture is a tape that nodes of MaterialX say: without our own noise, and without alpha of pictures."""
     if texture < 0 or tables.textures.kind[texture] != ir.TextureKind.FORMULA:
         return False
-    code, _, results = _rows(tables, int(tables.textures.tape[texture]))
-    if not 0 <= len(code) <= MOST or not set(code[:, 0].tolist()) <= {*_BINARY, *_UNARY, *_OWN, *_NOISES}:
+    tape = load_tape(tables, int(tables.textures.tape[texture]))
+    code = tape.code.tolist()
+    if not 0 <= len(code) <= MOST or not {op for op, *_ in code} <= {*_BINARY, *_UNARY, *_OWN, *_NOISES, GraphOp.LOOK_UP, GraphOp.CHANNEL}:
         return False
-    names = [*results, *(name for op, *operands in code.tolist() for name in operands[: arity(op)])]
-    return not any(NORMAL_X <= name <= NORMAL_Z for name in names)
+    names = {name for op, *operands in code for name in operands[: arity(op)]} | {*tape.results}
+    alphas = {INPUTS + row + CHANNELS - 1 for row, (op, *_) in enumerate(code) if op == GraphOp.LOOK_UP}
+    return not names & alphas
 
 
 class GraphWriter:
-    """Writes the graphs of one material."""
+    """Writes the graphs of one material. `image` is the output of a picture (a row of Textures) at the output of its coordinates."""
 
-    def __init__(self, tables: ir.Tables, nodes: Nodes, sets: TextureSets) -> None:
-        self.tables, self.nodes, self._sets = tables, nodes, sets
+    def __init__(self, tables: ir.Tables, nodes: Nodes, sets: TextureSets, image: Callable[[int, Value], Value]) -> None:
+        self.tables, self.nodes, self._sets, self._image = tables, nodes, sets, image
         self._coordinates = "st"
 
     def write(self, texture: int, kind: str, gain: Sequence[float]) -> Value:
         """The output of the graph of a texture times `gain`, as a "color3" or a "float"."""
         textures = self.tables.textures
-        code, constants, results = _rows(self.tables, int(textures.tape[texture]))
-        if any(name in STREAMS for name in [*results, *code[:, 1:].ravel().tolist()]):
+        tape = load_tape(self.tables, int(textures.tape[texture]))
+        code, results, constants = tape.code.tolist(), tape.results, tape.constants.tolist()
+        if any(name in (U, U + 1) for name in [*results, *(name for op, *operands in code for name in operands[: arity(op)])]):
             number = self._sets.add(texture)
             self._coordinates = f"st{number}" if number else "st"
-        values: list[Value] = []
-        for op, *operands in code.tolist():
-            values.append(self._operation(op, [self._operand(name, values, constants) for name in operands[: arity(op)]]))
+        values = self._values(tape)
         channels = [self._operand(name, values, constants) for name in results]
         levels = [textures.gain[texture] * gain, textures.bias[texture] * gain]
         width = 3 if kind == "color3" else 1
@@ -77,6 +72,23 @@ class GraphWriter:
         labels = dict(zip(("in1", "in2", "in3"), (("float", channel) for channel in channels), strict=True))
         return self.nodes.add("color", "ND_combine3_color3", "color3", **labels)
 
+    def _values(self, tape: Tape) -> list[Value]:
+        """The value of each row of a tape."""
+        values: list[Value] = []
+        constants = tape.constants.tolist()
+        for op, *names in tape.code.tolist():
+            if op == GraphOp.LOOK_UP:
+                s, t = (("float", self._operand(name, values, constants)) for name in names[:2])
+                place = self.nodes.add("place", "ND_combine2_vector2", "vector2", in1=s, in2=t)
+                color = self._image(int(constants[~names[2]]), place)
+                values += [self._extracted("color3", color, k) for k in range(3)] + [1.0]
+            elif op != GraphOp.CHANNEL:
+                values.append(self._operation(op, [self._operand(name, values, constants) for name in names[: arity(op)]]))
+        return values
+
+    def _extracted(self, kind: str, value: Value, index: int) -> Value:
+        return self.nodes.add("channel", f"ND_extract_{kind}", "float", **{"in": (kind, value), "index": ("integer", index)})
+
     def _levelled(self, value: Value, gain: float, bias: float) -> Value:
         value = value if gain == 1.0 else self._binary("multiply", value, gain)
         return value if bias == 0.0 else self._binary("add", value, bias)
@@ -84,12 +96,13 @@ class GraphWriter:
     def _operand(self, name: int, values: list[Value], constants: list[float]) -> Value:
         if name < 0:
             return constants[~name]
-        if name in STREAMS:
+        if name in (U, U + 1):
             place = self.nodes.add("uv", "ND_geompropvalue_vector2", "vector2", geomprop=("string", self._coordinates))
-            return self.nodes.add("coordinate", "ND_extract_vector2", "float", **{"in": ("vector2", place), "index": ("integer", name - U)})
-        if name < INPUTS:
-            place = self.nodes.add("position", "ND_position_vector3", "vector3", space=("string", "object"))
-            return self.nodes.add("coordinate", "ND_extract_vector3", "float", **{"in": ("vector3", place), "index": ("integer", name)})
+            return self._extracted("vector2", place, name - U)
+        if name in STREAMS or name < INPUTS:
+            stream, first = ("position", 0) if name < INPUTS else ("normal", NORMAL_X)
+            vector = self.nodes.add(stream, f"ND_{stream}_vector3", "vector3", space=("string", "object"))
+            return self._extracted("vector3", vector, name - first)
         return values[name - INPUTS]
 
     def _binary(self, name: str, a: Value, b: Value) -> Value:
@@ -123,8 +136,10 @@ class GraphWriter:
         return self.nodes.add("atan2", "ND_atan2_float", "float", iny=("float", a), inx=("float", over))
 
     def _noise(self, op: int, operands: list[Value]) -> Value:
-        name, width = _NOISES[GraphOp(op)]
+        (name, width), channel = _NOISES[GraphOp(op)], _CHANNELS.get(GraphOp(op), -1)
         labels = dict(zip(("in1", "in2", "in3"), (("float", each) for each in operands), strict=False))
         place = self.nodes.add("place", f"ND_combine{width}_vector{width}", f"vector{width}", **labels)
         port = {"texcoord" if width == 2 else "position": (f"vector{width}", place)}
-        return self.nodes.add(name, f"ND_{name}_float", "float", **port)
+        if channel < 0:
+            return self.nodes.add(name, f"ND_{name}_float", "float", **port)
+        return self._extracted("vector3", self.nodes.add(name, f"ND_{name}_vector3", "vector3", **port), channel)

@@ -96,7 +96,7 @@ class _Network:
         self._stage, self._file, self._path = networks._stage, networks._file, f"{path}/{CONTEXT}_"
         self.row = MaterialRow(self.tables, row)
         self.nodes = Nodes(self._stage, self._path)
-        self._graphs = GraphWriter(self.tables, self.nodes, sets)
+        self._graphs = GraphWriter(self.tables, self.nodes, sets, lambda row, place: self._image(row, "color", "color3", place))
 
     def shader(self, name: str, identifier: str) -> Any:
         shader = UsdShade.Shader.Define(self._stage, f"{self._path}{name}")
@@ -133,9 +133,13 @@ class _Network:
 
     def picture(self, texture: int, use: str, kind: str) -> Any:
         """The output of an image node."""
-        number, textures = self._sets.add(texture), self.tables.textures
+        number = self._sets.add(texture)
         place = self.nodes.add("uv", "ND_geompropvalue_vector2", "vector2", geomprop=("string", set_name(number)))
-        cells = self._sets.has_cells(texture)
+        return self._image(texture, use, kind, place)
+
+    def _image(self, texture: int, use: str, kind: str, place: Any) -> Any:
+        """The output of an image node at the output of its coordinates."""
+        textures, cells = self.tables.textures, self._sets.has_cells(texture)
         modes = ["periodic" if cells else _WRAPS[ir.Wrap(int(wrap[texture]))] for wrap in (textures.wrap_u, textures.wrap_v)]
         path = Sdf.AssetPath(self._file(texture, use, kind == "color3", self._sets))
         ports = {"file": ("filename", path), "texcoord": ("vector2", place)}

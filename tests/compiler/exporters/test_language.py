@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from pathlib import Path
 
 import maquette
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from maquette.cli.main import cli
 from maquette.compiler import ir
-from maquette.compiler.exporters.language import identifiers, places, words
+from maquette.compiler.exporters.language import formulas, identifiers, places, words
+from maquette.compiler.formula.opcodes import Op
+from maquette.compiler.formula.tape import X, Y, Z, load_tape
 from maquette.compiler.load import load
 from maquette.compiler.scene import transforms
+from maquette.compiler.texture_graph import evaluate
+from maquette.compiler.texture_graph.graph_builder import GraphBuilder
+from maquette.compiler.texture_graph.opcodes import STREAMS, arity
+from maquette.compiler.texture_graph.opcodes import Op as GraphOp
 from maquette.lang.diagnostics import SceneError
 from maquette.lang.elements import Euler
 from maquette.lang.syntax import formatter
 from PIL import Image
+
+from ...files import write_image
 
 ROOT = Path(__file__).resolve().parents[3]
 STAGE = """#usda 1.0
@@ -371,3 +382,52 @@ def test_media_too_dense_are_refused(tmp_path: Path, text: str) -> None:
     source = written(tmp_path, "in.scene", f"sphere(1)\n{text}\n")
     with pytest.raises(SceneError, match=r"must be 0\.001um or more"):
         load(source)
+
+
+# --- patterns -----------------------------------------------------------------------------------------------------------
+
+
+class _Identical:
+    """Names of pictures as they are: `picture` and `alpha`."""
+
+    def __call__(self, row: int, alpha: bool) -> str:
+        return "alpha" if alpha else "picture"
+
+
+_OPS = [int(op) for op in (*Op, *GraphOp) if op not in (Op.ARC, Op.QUARTER_ARC, GraphOp.LOOK_UP, GraphOp.CHANNEL)]
+_INPUTS = (X, Y, Z, *STREAMS)
+
+
+@given(st.lists(st.tuples(st.sampled_from([*_OPS, GraphOp.LOOK_UP]), st.lists(st.integers(0, 60), min_size=3, max_size=3)), min_size=1, max_size=40),
+       st.lists(st.floats(-3.0, 3.0, width=32), min_size=4, max_size=4), st.booleans())  # fmt: skip
+@settings(deadline=None, max_examples=60)
+def test_any_graph_comes_back(rows: list[tuple[int, list[int]]], numbers: list[float], is_color: bool) -> None:
+    """The text of a tape has its values at all points, where these are defined and steps do not fall on them."""
+    builder = GraphBuilder()
+    names = [*_INPUTS, *(builder.constant(number) for number in numbers)]
+    for op, operands in rows:
+        chosen = [names[k % len(names)] for k in operands]
+        names += builder.look_up(0, *chosen[:2]) if op == GraphOp.LOOK_UP else [builder.op(op, *chosen[: arity(op)])]
+    tape = builder.finish(*names[-3:]) if is_color else builder.finish(names[-1])
+    text = formulas.pattern(tape, [(1.0, 0.0)] * 3, _Identical())
+    assert text is not None
+    with tempfile.TemporaryDirectory() as folder:
+        write_image(Path(folder, "p.exr"), np.ones((1, 1, 4), np.float32))
+        path = Path(folder, "a.scene")
+        lets = 'let picture = image("p.exr")\nlet alpha = image("p.exr", channel: "a")\n'
+        path.write_text(
+            f"{lets}assert(len([picture, alpha]) == 2)\nlet p = {text}\nsphere(1, material: lambert(p))\ncamera([0, 0, 5])\n",
+            encoding="utf-8",
+        )
+        scene = load(path)
+    tables = scene.tables
+    back = load_tape(tables, int(tables.textures.tape[tables.materials.textures[0, ir.Slot.DIFFUSE]]))
+    points = np.random.default_rng(len(rows)).uniform(-2.0, 2.0, (8, 64))
+
+    def look(texture: int, s: object, t: object) -> list[np.ndarray]:
+        return [np.sin(3.0 * np.asarray(s) + k) * np.cos(2.0 * np.asarray(t) - k) for k in range(4)]
+
+    with np.errstate(all="ignore"):
+        first, again = (np.array(evaluate.results(each, points, look)) for each in (tape, back))
+    is_same = np.isclose(first, again, rtol=1e-4, atol=1e-5) | (~np.isfinite(first) & ~np.isfinite(again)) | (np.abs(first) > 1e6)
+    assert is_same.mean() > 0.9, (text, first, again)

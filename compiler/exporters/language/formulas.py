@@ -54,21 +54,26 @@ def pattern(tape: Tape, levels: Levels, pictures: Pictures) -> str | None:
     writer = _Writer(tape, pictures)
     if not writer.write():
         return None
-    values = [writer.operand(name) for name in tape.results]
+    values, names = [writer.operand(name) for name in tape.results], writer.parameters()
     if len(values) == 1 and len(set(levels)) == 1:
         values = [_levelled(values[0], *levels[0])]
     else:
         values = [_levelled(value, *level) for value, level in zip(values * (3 // len(values)), levels, strict=True)]
-    body = values[0].text if len(values) == 1 else f"rgb({', '.join(value.text for value in values)})"
+    body = values[0].text if len(values) == 1 else f"rgb({', '.join(_channel(value, names[0]) for value in values)})"
     if writer.lets:
         body = "\n".join(["{", *writer.lets, body, "}"])
-    return f"pattern(|{', '.join(writer.parameters())}| {body})" if len(body) <= MOST else None
+    return f"pattern(|{', '.join(names)}| {body})" if len(body) <= MOST else None
 
 
 def _levelled(value: Text, gain: float, bias: float) -> Text:
     if gain != 1.0:
         value = Text(f"{words.number(gain)} * {value.within(_NEGATION)}", _PRODUCT)
     return value if bias == 0.0 else _sum("+", value, _constant(bias))
+
+
+def _channel(value: Text, parameter: str) -> str:
+    """A channel of rgb(…), which refuses constants below 0: the least of such a one and 0 times a parameter."""
+    return f"min({value.text}, 0 * {parameter})" if value.binds == _NEGATION and value.text[1].isdigit() else value.text
 
 
 def _constant(number: float) -> Text:

@@ -387,19 +387,14 @@ def test_media_too_dense_are_refused(tmp_path: Path, text: str) -> None:
 # --- patterns -----------------------------------------------------------------------------------------------------------
 
 
-class _Identical:
-    """Names of pictures as they are: `picture` and `alpha`."""
-
-    def __call__(self, row: int, alpha: bool) -> str:
-        return "alpha" if alpha else "picture"
-
-
 _OPS = [int(op) for op in (*Op, *GraphOp) if op not in (Op.ARC, Op.QUARTER_ARC, GraphOp.LOOK_UP, GraphOp.CHANNEL)]
 _INPUTS = (X, Y, Z, *STREAMS)
 
 
-@given(st.lists(st.tuples(st.sampled_from([*_OPS, GraphOp.LOOK_UP]), st.lists(st.integers(0, 60), min_size=3, max_size=3)), min_size=1, max_size=40),
-       st.lists(st.floats(-3.0, 3.0, width=32), min_size=4, max_size=4), st.booleans())  # fmt: skip
+_ROW = st.tuples(st.sampled_from([*_OPS, GraphOp.LOOK_UP]), st.lists(st.integers(0, 60), min_size=3, max_size=3))
+
+
+@given(st.lists(_ROW, min_size=1, max_size=40), st.lists(st.floats(-3.0, 3.0, width=32), min_size=4, max_size=4), st.booleans())
 @settings(deadline=None, max_examples=60)
 def test_any_graph_comes_back(rows: list[tuple[int, list[int]]], numbers: list[float], is_color: bool) -> None:
     """The text of a tape has its values at all points, where these are defined and steps do not fall on them."""
@@ -409,7 +404,7 @@ def test_any_graph_comes_back(rows: list[tuple[int, list[int]]], numbers: list[f
         chosen = [names[k % len(names)] for k in operands]
         names += builder.look_up(0, *chosen[:2]) if op == GraphOp.LOOK_UP else [builder.op(op, *chosen[: arity(op)])]
     tape = builder.finish(*names[-3:]) if is_color else builder.finish(names[-1])
-    text = formulas.pattern(tape, [(1.0, 0.0)] * 3, _Identical())
+    text = formulas.pattern(tape, [(1.0, 0.0)] * 3, lambda row, alpha: "alpha" if alpha else "picture")
     assert text is not None
     with tempfile.TemporaryDirectory() as folder:
         write_image(Path(folder, "p.exr"), np.ones((1, 1, 4), np.float32))
@@ -428,6 +423,6 @@ def test_any_graph_comes_back(rows: list[tuple[int, list[int]]], numbers: list[f
         return [np.sin(3.0 * np.asarray(s) + k) * np.cos(2.0 * np.asarray(t) - k) for k in range(4)]
 
     with np.errstate(all="ignore"):
-        first, again = (np.array(evaluate.results(each, points, look)) for each in (tape, back))
+        first, again = (np.array(evaluate.results(each, list(points), look)) for each in (tape, back))
     is_same = np.isclose(first, again, rtol=1e-4, atol=1e-5) | (~np.isfinite(first) & ~np.isfinite(again)) | (np.abs(first) > 1e6)
-    assert is_same.mean() > 0.9, (text, first, again)
+    assert is_same.mean() > 0.95, (text, first, again)

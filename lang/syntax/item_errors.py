@@ -174,6 +174,8 @@ def block_words(site: ErrorSite) -> Answer | None:
     start, token = site.start, site.token
     if start == "else" and site.at == site.first:
         return "this `else` has no `if`", "write if (…) { … } else { … }", token
+    if "NUMBER" in site.expected:  # an `if` that is a value
+        return None
     if site.near(-1) == "if" and site.near(-2) == "else" and site.inside() == "" and site.token != "(":
         return "`if` needs its condition in parentheses", "write else if (…) { … }", token if not is_end(token) else site.near(-1)
     if start not in ("if", "for"):
@@ -200,7 +202,8 @@ def line_start(site: ErrorSite) -> Answer | None:
     """A token that cannot begin a line, or a line that is only a value."""
     token = site.token
     if site.at != site.first:
-        if token in OPERATORS and site.inside() == "" and site.start not in KEYWORDS:
+        is_element = "PLUS" not in site.expected  # not the value of a block
+        if token in OPERATORS and is_element and site.inside() == "" and site.start not in KEYWORDS:
             both = site.near(-1) == ")" and site.near(1).type == "NAME" and site.near(2) == "("
             hint = f"solids are combined as {_SOLIDS[token]} {{ …; … }}" if both and token in _SOLIDS else "write let name = … to keep it"
             return "this line is a value, and only elements can be placed", hint, token

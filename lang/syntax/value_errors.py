@@ -195,7 +195,7 @@ def incomplete_choice(site: ErrorSite) -> Answer | None:
         if depth == 0 and token == "then" and "ELSE" in site.expected:
             last = site.token if not is_end(site.token) else token
             return "this `if` has no `else`", "write if … then … else …", last
-        if depth == 0 and token == "if" and i > site.first and "THEN" in site.expected:
+        if depth == 0 and token == "if" and "THEN" in site.expected:
             return "`then` is missing", "write if … then … else …", site.token if not is_end(site.token) else token
     return None
 

@@ -202,7 +202,7 @@ def line_start(site: ErrorSite) -> Answer | None:
     """A token that cannot begin a line, or a line that is only a value."""
     token = site.token
     if site.at != site.first:
-        is_element = "PLUS" not in site.expected  # not the value of a block
+        is_element = "AND" not in site.expected  # not the value of a block
         if token in OPERATORS and is_element and site.inside() == "" and site.start not in KEYWORDS:
             both = site.near(-1) == ")" and site.near(1).type == "NAME" and site.near(2) == "("
             hint = f"solids are combined as {_SOLIDS[token]} {{ …; … }}" if both and token in _SOLIDS else "write let name = … to keep it"

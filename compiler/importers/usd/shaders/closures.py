@@ -17,7 +17,7 @@ import numpy as np
 from ...materialx import library
 from ...materialx.graph import Node, Port
 from ...materialx.physical import NARROWEST
-from . import scattering, schlick, slabs
+from . import conty_kulla, scattering, schlick, slabs
 from .arithmetic import Arithmetic, is_zero, numbers
 from .graphs import OWN_NORMAL, Graphs
 from .network import Graph
@@ -101,9 +101,9 @@ class Closures:
 
     def _surface(self, node: Node) -> tuple[Tree, Any]:
         """Those of ND_surface or ND_surface_unlit."""
-        tree: Tree
         if node.definition.startswith("ND_surface_unlit"):
-            tree, emission = Slab(dict(BLACK_SLAB), "none"), self._emitted(node, "emission_color", "emission")
+            tree: Tree = Slab(dict(BLACK_SLAB), "none")
+            emission = self._emitted(node, "emission_color", "emission")
             if not is_zero(self._source(node, "transmission", 0.0)):
                 self._tell(f"the input `transmission` of {node.definition} is not drawn")
         else:
@@ -241,7 +241,8 @@ class Closures:
             return Slab({**slab, "subsurface_radius_scale": radius}, "diffuse")
         if kind == "ND_sheen_bsdf":
             color, rough = self._source(node, "color", (1.0,) * 3), self._source(node, "roughness", 0.3)
-            return Slab({**slab, "fuzz_weight": weight, "fuzz_color": color, "fuzz_roughness": rough}, "sheen")
+            of_fuzz = conty_kulla.of_mode(str(self._source(node, "mode", "")), rough, weight, self._arithmetic, node.place)
+            return Slab({**slab, **of_fuzz, "fuzz_color": color}, "sheen")
         if kind == "ND_conductor_bsdf":
             self._facets(node, slab, "specular_roughness", "specular_roughness_anisotropy")
             f0, tint = self._metal(node)

@@ -21,7 +21,7 @@ from ....scene import partial_coverage
 from ....scene.builder import SceneBuilder
 from ....scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
 from ...materialx.physical import NARROWEST
-from . import directions
+from . import conty_kulla, directions
 from .arithmetic import Arithmetic, is_zero, numbers
 from .shader_inputs import DEFAULTS, DEPENDENT, EXTRA, GLTF, MORE_THAN_PRINCIPLED, OPEN, PARTS, PREVIEW, SHADERS, THIN
 
@@ -35,6 +35,7 @@ _INDICES = {  # of refraction, with the weights of what they change
     "thin_film_ior": ("thin_film_weight",),
 }  # fmt: skip
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
+_SHEEN_ROUGHNESS = 0.3  # of disney_principled
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
 
 
@@ -63,6 +64,8 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
             tell(f"the input `{name}` of {kind} is not drawn")
     if names is not OPEN:
         inputs["specular_ior"] = under_coat(inputs)
+        if not is_zero(inputs["fuzz_weight"]):
+            inputs |= conty_kulla.fuzz(inputs["fuzz_roughness"], inputs["fuzz_weight"], arithmetic, place)
     if not is_zero(inputs["emission_luminance"]):
         inputs["emission"] = arithmetic.times(inputs["emission_color"], inputs["emission_luminance"], place)
     inputs |= {COAT_NORMAL: _coat_normal(shader, names, inputs, source)}
@@ -202,6 +205,7 @@ def _gltf(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], Any]
     inputs["thin_film_thickness"] = arithmetic.times(inputs["thin_film_thickness"], 0.001, place)
     inputs["specular_rotation"] = arithmetic.times(inputs["specular_rotation"], 0.5 / math.pi, place)
     inputs["fuzz_weight"] = 1.0 if fuzz is None else float(fuzz.max())
+    inputs["fuzz_roughness"] = arithmetic.times(inputs["fuzz_roughness"], inputs["fuzz_roughness"], place)
     if fuzz is not None and fuzz.max() > 0.0:
         inputs["fuzz_color"] = tuple((fuzz / fuzz.max()).tolist())
     inputs |= {"coat_ior": 1.5, "coat_darkening": 0.0}
@@ -224,7 +228,7 @@ def _disney(shader: Any, inputs: dict[str, Any], source: Callable[[Any, Any], An
     inputs["fuzz_color"] = arithmetic.mix((1.0,) * 3, base, source(shader.GetInput("sheenTint"), 0.5), place)
     inputs["coat_weight"] = arithmetic.times(inputs["coat_weight"], _COAT_GLOSS, place)
     inputs["coat_roughness"] = math.sqrt(0.1 + (0.001 - 0.1) * float(1.0 if gloss is None else gloss))
-    inputs |= {"coat_ior": 1.5, "coat_darkening": 0.0, "subsurface_color": base}
+    inputs |= {"coat_ior": 1.5, "coat_darkening": 0.0, "subsurface_color": base, "fuzz_roughness": _SHEEN_ROUGHNESS}
 
 
 # --- rows ---------------------------------------------------------------------------------------------------------------

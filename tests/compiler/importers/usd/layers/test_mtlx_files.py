@@ -212,3 +212,15 @@ def test_inputs_without_effect_are_not_told(tmp_path):
     for size, told in (("1, 1", []), ("2, 1", ["the input `realworldimagesize` of ND_tiledimage_color3 is not drawn"])):
         (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text.format(size)}{ONE.format("M", "a")}</materialx>')
         assert opened(tmp_path / "m.mtlx")[1] == told
+
+
+@pytest.mark.parametrize(("inputs", "wrap"), [("", ir.Wrap.REPEAT), ('<input name="wrapS" type="string" value="clamp"/>', ir.Wrap.CLAMP)])
+def test_textures_of_usd_repeat_as_materialx_says(tmp_path, inputs, wrap):
+    write_image(tmp_path / "t.png", np.array([[[128, 128, 128]]], np.uint8))
+    text = f"""<UsdUVTexture name="i" type="multioutput"><input name="file" type="filename" value="t.png"/>{inputs}</UsdUVTexture>
+        <UsdPreviewSurface name="a" type="surfaceshader"><input name="diffuseColor" type="color3" nodename="i" output="rgb"/>
+        </UsdPreviewSurface>{ONE.format("M", "a")}"""
+    (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}</materialx>')
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    assert wrap in tables.textures.wrap_u.tolist()

@@ -192,11 +192,18 @@ class Evaluator:
         """A property of the geometry that is the default of an input."""
         if name.startswith("UV"):
             return self.coordinates()
+        if name.startswith("V"):
+            return self.view(name.endswith("world"), None)
         kind = {"P": "point", "N": "normal"}.get(name[:1], "")
         names = (X, Y, Z) if kind == "point" else (opcodes.NORMAL_X, opcodes.NORMAL_Y, opcodes.NORMAL_Z)
         if kind:
             return self.moved(names, kind, None) if name.endswith("world") else names
         raise NotDrawn(f"the {'tangent' if name.startswith(('T', 'B')) else name} of the surface is not drawn in textures")
+
+    def view(self, in_world: bool, place: Any) -> Names:
+        """The direction from a viewer above the point: a texture is the same from all sides."""
+        self.host.tell("the direction of the view is drawn as that straight onto the surface, where textures read it", place)
+        return tuple(self.builder.op(Op.NEGATE, name) for name in self.geometry("Nworld" if in_world else "Nobject"))
 
     def moved(self, names: Names, kind: str, place: Any, back: bool = False) -> Names:
         """A point, vector or normal of the object's frame in that of the world; or `back`. Normals have a length of 1."""

@@ -188,9 +188,9 @@ def primvar(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
     return [e.builder.constant(number) for number in e.host.primvar(name, kind, numbers, node.place)]
 
 
-@handles("viewdirection", "facingratio")
+@handles("viewdirection")
 def view(e: Evaluator, node: Node, output: str, count: int) -> Sequence[int]:
-    raise NotDrawn(f"{node.definition} depends on the view, which textures do not")
+    return e.view(e.text(node, "space", "world") == "world", node.place)
 
 
 @handles("normalmap", "bump", "heighttonormal", "hextilednormalmap")

@@ -189,7 +189,7 @@ SHADERS = Table(
     not_drawn={
         "UsdPrimvarReader_matrix": "",
         "HwPrimvar_1 HwUvTexture_1 HwPtexTexture_1 HwFieldReader_*": "",
-        "ND_viewdirection_vector3 ND_facingratio_float ND_tangent_vector3 ND_bitangent_vector3": "in textures",
+        "ND_tangent_vector3 ND_bitangent_vector3": "in textures",
         "ND_hextilednormalmap_vector3 ND_blur_* ND_chiang_hair_bsdf": "",
     },
 )

@@ -244,7 +244,9 @@ class _Document:
 
     def _wraps(self, shader: Any, definition: Any) -> None:
         """Writes MaterialX's wrap mode of UsdUVTexture, which is another one in USD."""
-        for name in ("wrapS", "wrapT") if definition is not None and definition.getNodeString() == "UsdUVTexture" else ():
+        if definition is None or definition.getNodeString() != "UsdUVTexture":
+            return
+        for name in ("wrapS", "wrapT"):
             port = definition.getActiveInput(name)
             if port is not None and not shader.GetInput(name):
                 shader.CreateInput(name, Sdf.ValueTypeNames.String).Set(port.getValueString())

@@ -121,6 +121,11 @@ def coverage(shader: Any, source: Callable[[Any, Any], Any]) -> tuple[Any, float
     return (1.0 if number == 0 else alpha), (float(0.5 if cutoff is None else cutoff) if number == 1 else 0.0)
 
 
+def _is_white(color: Any) -> bool:
+    values = numbers(color)
+    return values is not None and bool((values >= 1.0).all())
+
+
 def _mean(opacity: Any) -> Any:
     values = numbers(opacity)
     return opacity if values is None else float(values.mean())
@@ -322,6 +327,8 @@ class Rows:
         if max(slots[Slot.SPECULAR].value) > 1.0:
             self.tell("a specular colour above 1 counts as 1")
         if "emission" in inputs:
+            if not is_zero(inputs["coat_weight"]) and not _is_white(inputs["coat_color"]):
+                self.tell("light that is emitted below a coat is drawn without the colour of the coat")
             slots[Slot.EMISSION] = self.reader.color(inputs["emission"], BLACK)
         if inputs[THIN]:
             slots[Slot.THIN_WALLED] = Input.number(1.0)

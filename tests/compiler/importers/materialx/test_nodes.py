@@ -249,13 +249,21 @@ def test_every_node_of_the_library_that_is_a_texture_is_drawn_or_told():
             if any("is not drawn" in message for message in host.messages):
                 reported.add(element.getNodeString())
     assert refused == {
-        "bitangent", "bump", "facingratio", "flake2d", "flake3d", "gltf_normalmap", "gooch_shade", "heighttonormal", "hextilednormalmap",
-        "normalmap", "standard_surface_to_gltf_pbr", "tangent", "viewdirection",
+        "bitangent", "bump", "flake2d", "flake3d", "gltf_normalmap", "heighttonormal", "hextilednormalmap", "normalmap",
+        "standard_surface_to_gltf_pbr", "tangent",
     }  # fmt: skip
     assert reported == {
         "blur", "chiang_hair_absorption_from_color", "chiang_hair_roughness", "deon_hair_absorption_from_melanin", "determinant",
         "invertmatrix", "transpose",
     }  # fmt: skip
+
+
+def test_the_view_is_straight_onto_the_surface():
+    host = Host()
+    assert value(node("viewdirection_vector3"), host=host) == pytest.approx(-np.array(value(node("normal_vector3", space="world"))))
+    assert value(node("facingratio_float"), host=host) == pytest.approx([1.0])
+    assert value(node("facingratio_float", invert=True), host=host) == pytest.approx([0.0], abs=1e-6)
+    assert sum("straight onto the surface" in message for message in host.messages) == 3
 
 
 def test_a_node_that_feeds_itself_is_refused():

@@ -224,3 +224,11 @@ def test_textures_of_usd_repeat_as_materialx_says(tmp_path, inputs, wrap):
     tables, messages = opened(tmp_path / "m.mtlx")
     assert messages == []
     assert wrap in tables.textures.wrap_u.tolist()
+
+
+def test_light_below_a_coloured_coat_is_told(tmp_path):
+    text = """<standard_surface name="a" type="surfaceshader"><input name="emission" type="float" value="1"/>
+        <input name="coat" type="float" value="{0}"/><input name="coat_color" type="color3" value="1, 0.5, 0.5"/></standard_surface>"""
+    for coat, told in ((0, []), (1, ["light that is emitted below a coat is drawn without the colour of the coat"])):
+        (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text.format(coat)}{ONE.format("M", "a")}</materialx>')
+        assert opened(tmp_path / "m.mtlx")[1] == told

@@ -68,7 +68,7 @@ def choice(site: ErrorSite) -> Answer | None:
 
 def _begins_value(site: ErrorSite) -> bool:
     """Whether the item of `site` is a value in the first place of a block expression."""
-    if site.first < 2 or site.stream[site.first - 1] != "{" or site.start in KEYWORDS:
+    if site.first < 2 or site.stream[site.first - 1] != "{" or site.start in KEYWORDS or site.inside():
         return False
     before = site.stream[site.first - 2]
     return not ends_value(before) and before != "else"

@@ -189,31 +189,32 @@ def _noise(scope: Scope, x: Value, *rest: Value, **named: Value) -> Value:
 # --- noise of patterns ------------------------------------------------------------------------------------------------
 
 
-def _of_pattern(op: str, parts: tuple[Value, ...]) -> Value:
+def _of_pattern(op: str, parts: tuple[Value, ...], scope: Scope) -> Value:
     """A noise that patterns alone have. Raises Mistake for plain numbers."""
     for i, part in enumerate(parts):
         require_number(part, i)
-    if not has_term(*parts):
+    graph = operators.graph_of(scope, *parts)
+    if graph is None:
         name = op.partition("_")[0]
         raise Mistake(f"{name} has values inside of a pattern alone", "noise(x, y, z, seed) has them everywhere")
-    return record(op, *parts)
+    return graph.apply(op, *[operators.lift(graph, part) for part in parts])
 
 
 @define("perlin x y z?", "MaterialX's gradient noise of two or three numbers, about -1..1, in patterns")
 def _perlin(scope: Scope, *parts: Value) -> Value:
-    return _of_pattern("perlin", parts)
+    return _of_pattern("perlin", parts, scope)
 
 
 @define("perlin_color x y z?", "a colour of three gradient noises, as MaterialX's noise2d and noise3d of three numbers, in patterns")
 def _perlin_color(scope: Scope, *parts: Value) -> Value:
-    return Color(*[_of_pattern(f"perlin_{channel}", parts) for channel in "rgb"])
+    return Color(*[_of_pattern(f"perlin_{channel}", parts, scope) for channel in "rgb"])
 
 
 @define("cellnoise x y? z?", "MaterialX's random number 0..1 of the cell with whole sides that contains the point, in patterns")
 def _cellnoise(scope: Scope, *parts: Value) -> Value:
-    return _of_pattern("cellnoise", parts)
+    return _of_pattern("cellnoise", parts, scope)
 
 
 @define("cellnoise_color x y z", "a colour of three random numbers of the cell that contains the point, in patterns")
 def _cellnoise_color(scope: Scope, *parts: Value) -> Value:
-    return Color(*[_of_pattern(f"cellnoise_{channel}", parts) for channel in "rgb"])
+    return Color(*[_of_pattern(f"cellnoise_{channel}", parts, scope) for channel in "rgb"])

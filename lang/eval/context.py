@@ -8,7 +8,7 @@ from typing import Any, NoReturn, Protocol
 
 from ..diagnostics import Diagnostics, Span
 from ..elements import Element
-from ..formula_graph import Formula
+from ..formula_graph import Formula, Graph
 from ..limits import Meter
 from ..schema.argument_types import Catalogue
 from ..syntax import ast
@@ -142,6 +142,7 @@ class Evaluator(Protocol):
     shared: dict[Any, Element]  # materials and textures by call site and arguments; see calls.share
     outer: Scope  # the scope around a file: the language and the prelude
     language: dict[str, Any]  # the names of `outer` and of the scope around it
+    graph: Graph | None  # of the formula that is being recorded
 
     def report(self, message: str, span: Span | None, hint: str = "", trace: Trace = ()) -> None:
         """Add an error to the diagnostics, once for each place."""

@@ -76,6 +76,7 @@ class Evaluator:
         self.scene: Scope | None = None
         self.outer = self.root  # replaced by the scope of the prelude
         self.language: dict[str, Any] = self.root.names.copy()
+        self.graph: Graph | None = None
         self._instances: dict[Module, Scope] = {}
         self._reported: set[tuple[Span | None, str]] = set()
         self._limits: set[str] = set()
@@ -337,7 +338,11 @@ class Evaluator:
             names = function.code.positional
         inner = scope.inner()
         inner.plain = True
-        result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], inner)
+        outer, self.graph = self.graph, graph
+        try:
+            result = calls.apply_values(self, function, [graph.parameter(i) for i in range(len(names))], inner)
+        finally:
+            self.graph = outer
         parts, result_kind = _results(result)
         terms = [operators.lift(graph, part) for part in parts]
         if result_kind == "number" and terms[0].truth:

@@ -121,6 +121,12 @@ def record(op: str, *args: Value) -> Term:
     return graph.apply(op, *[lift(graph, a) for a in args])
 
 
+def graph_of(scope: Scope, *args: Value) -> Graph | None:
+    """The graph of the formula that is recorded here: that of a term, or inside of a function the one of the evaluator."""
+    terms = (a.graph for a in args if isinstance(a, Term))
+    return next(terms, scope.evaluator.graph if scope.plain else None)
+
+
 def has_term(*args: Value) -> bool:
     """Whether a value is a term."""
     for a in args:  # noqa: SIM110 (called for every operation)

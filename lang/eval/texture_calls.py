@@ -5,11 +5,11 @@ from __future__ import annotations
 from ..elements import Element
 from ..formula_graph import PATTERN_INPUTS, Formula, Graph, Term
 from . import operators
-from .context import ArgumentValue
+from .context import ArgumentValue, Scope
 from .values import POISON, Color, Mistake, Poisoned, Value, describe
 
 
-def call(texture: Element, givens: list[ArgumentValue]) -> Value:
+def call(texture: Element, givens: list[ArgumentValue], scope: Scope) -> Value:
     """The colour, or the number, of a texture at coordinates of a formula. Raises Mistake."""
     if texture.kind not in ("image", "pattern"):
         raise Mistake(f"a formula has no values of {describe(texture)}", "image(…)(u, v) and pattern(…)(x, y, z) have values there")
@@ -27,7 +27,7 @@ def call(texture: Element, givens: list[ArgumentValue]) -> Value:
         raise Mistake(
             f"this {texture.kind} takes {wanted} coordinates, got {len(givens)}", f"write {texture.kind}(…)({_coordinates(texture)})"
         )
-    graph = next((given.value.graph for given in givens if isinstance(given.value, Term)), None)
+    graph = operators.graph_of(scope, *[given.value for given in givens])
     if graph is None:
         raise Mistake(f"{describe(texture)} has values inside of a pattern alone", "write pattern(|x, y, z, u, v| …) around it")
     terms = [operators.lift(graph, given.value) for given in givens]

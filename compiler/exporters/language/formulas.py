@@ -161,7 +161,7 @@ class _Writer:
 
     def _operation(self, op: int, names: Sequence[int]) -> Text | None:
         """The text of a row; None for one that the language does not say."""
-        operands = [self.operand(name) for name in names]
+        operands = self._operands(op, names)
         listed = ", ".join(operand.text for operand in operands)
         if op in _FUNCTIONS:
             return Text(f"{_FUNCTIONS[op]}({listed})")
@@ -172,6 +172,15 @@ class _Writer:
                 self._calls[call] = self._let("cell" if function.startswith("cell") else "noise", call)
             return Text(f"{self._calls[call]}.{channel}")
         return _ARITHMETIC[op](*operands) if op in _ARITHMETIC else None
+
+    def _operands(self, op: int, names: Sequence[int]) -> list[Text]:
+        """The texts of operands. What is undefined of constants, which the language refuses, has 0 times the position in them."""
+        operands = [self.operand(name) for name in names]
+        divides_by_zero = op in (Op.DIVIDE, Op.MOD) and names[1] < 0 and float(self.tape.constants[~names[1]]) == 0.0
+        if divides_by_zero or all(name < 0 for name in names):
+            last = operands[-1]
+            operands[-1] = Text(f"0 * {self.operand(X).text} + {last.within(_PRODUCT)}", _SUM)
+        return operands
 
 
 def _label(op: int) -> str:

@@ -11,7 +11,7 @@ import maquette
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from maquette.cli.main import cli
 from maquette.compiler import ir
@@ -395,6 +395,8 @@ _ROW = st.tuples(st.sampled_from([*_OPS, GraphOp.LOOK_UP]), st.lists(st.integers
 
 
 @given(st.lists(_ROW, min_size=1, max_size=40), st.lists(st.floats(-3.0, 3.0, width=32), min_size=4, max_size=4), st.booleans())
+@example([(int(Op.DIVIDE), [0, 8, 0]), (int(Op.MOD), [13, 8, 0])], [0.0, -1.0, 1.0, 2.0], False)
+@example([(int(Op.SQRT), [9, 0, 0]), (int(Op.LOG), [8, 0, 0]), (int(Op.POWER), [8, 9, 0])], [0.0, -1.0, 1.0, 2.0], True)
 @settings(deadline=None, max_examples=60)
 def test_any_graph_comes_back(rows: list[tuple[int, list[int]]], numbers: list[float], is_color: bool) -> None:
     """The text of a tape has its values at all points, where these are defined and steps do not fall on them."""

@@ -62,6 +62,7 @@ def values(compiled: Compile, tmp_path: Path) -> Callable[..., Any]:
         ),
         ("pattern(|u, v| p(u, v))", lambda *_: (1.0, 0.5, 0.25)),
         ("pattern(|x, y, z| p(x, y).g * alpha(x, z))", lambda *_: (0.5 * 0.75,)),
+        ("pattern(|x, y, z| p(0.5, 0.5) + 0 * cellnoise_color(1, 2, 3))", lambda *_: (1.0, 0.5, 0.25)),
         ("pattern(|u, v| q(u, v))", lambda *_: (0.75, 0.75, 0.75)),
         ("pattern(|u, v| lerp(p(u, v), #000000, 0.5 + 0 * u))", lambda *_: (0.5, 0.25, 0.125)),
         ("pattern(|u, v| if u > 0.5 then p(u, v) else q(v, u))", lambda x, y, z, u, *_: (1.0, 0.5, 0.25) if u > 0.5 else (0.75,) * 3),
@@ -124,6 +125,12 @@ def errors(tmp_path: Path) -> Callable[[str], list[str]]:
         return [d.message + (f" ({d.hint})" if d.hint else "") for d in raised.value.diagnostics if d.severity == "error"]
 
     return run
+
+
+def test_values_outside_of_formulas_are_refused_before_and_after(errors: Callable[[str], list[str]]) -> None:
+    text = 'let p = image("p.exr")\nlet c = p(0.5, 0.5)\nlet a = lambert(pattern(|u, v| c * u))\nlet b = lambert(pattern(|u, v| c * v))'
+    hint = "the texture `image` has values inside of a pattern alone (write pattern(|x, y, z, u, v| …) around it)"
+    assert errors(f"{text}\nsphere(1, material: a)\nsphere(1, material: b)") == [hint]
 
 
 @pytest.mark.parametrize(

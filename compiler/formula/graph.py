@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .opcodes import KEEP_WHOLE, STEPS, Op, arity
@@ -78,14 +77,3 @@ class Graph(OperationRows):
             seen |= fresh
             waiting += fresh
         return False
-
-    # --- expressions of several operations ---
-
-    def linear(self, terms: Sequence[tuple[float, int]], offset: float = 0.0) -> int:
-        """Σ factor · value + offset."""
-        total = None
-        for factor, name in terms:
-            if factor:
-                part = self.scale(name, factor)
-                total = part if total is None else self.add(total, part)
-        return self.constant(offset) if total is None else self.offset(total, offset)

@@ -74,3 +74,12 @@ class OperationRows(ABC):
         for name in names[1:]:
             total = self.op(op, total, name)
         return self.op(Op.ABS, total) if op == Op.HYPOT and len(names) == 1 else total
+
+    def linear(self, terms: Sequence[tuple[float, int]], offset: float = 0.0) -> int:
+        """Σ factor · value + offset."""
+        total = None
+        for factor, name in terms:
+            if factor:
+                part = self.scale(name, factor)
+                total = part if total is None else self.add(total, part)
+        return self.constant(offset) if total is None else self.offset(total, offset)

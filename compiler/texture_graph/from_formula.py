@@ -33,7 +33,7 @@ class PictureRow:
 
     def texel(self, b: GraphBuilder, u: int, v: int) -> Texel:
         """Red, green, blue and alpha at u and v."""
-        s, t = (b.total([b.scale(u, line[0]), b.scale(v, line[1]), b.constant(line[2])]) for line in self.frame)
+        s, t = (b.linear([(line[0], u), (line[1], v)], line[2]) for line in self.frame)
         channels = b.look_up(self.row, s, t)
         r, g, b_, a = (b.offset(b.scale(c, gain), bias) for c, gain, bias in zip(channels, self.gain, self.bias, strict=True))
         return r, g, b_, a

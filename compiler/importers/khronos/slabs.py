@@ -210,7 +210,7 @@ class Slabs:
         """Red, green, blue and alpha of a picture, by its frame."""
         plain = TextureData(data.kind, data.image, wrap_u=data.wrap_u, wrap_v=data.wrap_v, nearest=data.nearest)
         row = self._builder.texture(plain, Span(self._name))
-        s, t = (b.total([b.scale(U, line[0]), b.scale(V, line[1]), b.constant(line[2])]) for line in data.frame)
+        s, t = (b.linear([(line[0], U), (line[1], V)], line[2]) for line in data.frame)
         return b.look_up(row, s, t)
 
     def _row(self, reference: Any, channel: int) -> int:

@@ -186,7 +186,7 @@ class Evaluator:
         """Texture coordinates by name of the primvar."""
         u, v = self.host.coordinates(name)
         b = self.builder
-        return tuple(b.total([b.scale(opcodes.U, row[0]), b.scale(opcodes.V, row[1]), b.constant(row[2])]) for row in (u, v))
+        return tuple(b.linear([(row[0], opcodes.U), (row[1], opcodes.V)], row[2]) for row in (u, v))
 
     def geometry(self, name: str) -> Names:
         """A property of the geometry that is the default of an input."""
@@ -216,7 +216,7 @@ class Evaluator:
             matrix = np.linalg.inv(matrix).T
         shift = matrix[:3, 3] if kind == "point" else np.zeros(3)
         parts = [
-            b.total([*(b.scale(name, float(m)) for name, m in zip(names, row[:3], strict=True)), b.constant(float(t))])
+            b.linear([(float(m), name) for name, m in zip(names, row[:3], strict=True)], float(t))
             for row, t in zip(matrix[:3], shift, strict=True)
         ]
         if kind != "normal":

@@ -19,7 +19,7 @@ _FIT = 2.0 * math.sqrt(3.0)
 def _texels(e: Evaluator, row: int, frame: Any, s: int, t: int) -> Names:
     """Red, green, blue and alpha of a picture at s and t, by the frame of its file."""
     b = e.builder
-    placed = [b.total([b.scale(s, float(line[0])), b.scale(t, float(line[1])), b.constant(float(line[2]))]) for line in frame]
+    placed = [b.linear([(float(line[0]), s), (float(line[1]), t)], float(line[2])) for line in frame]
     return b.look_up(row, placed[0], placed[1])
 
 
@@ -131,5 +131,3 @@ def _with_falloff(e: Evaluator, weights: list[int], falloff: int) -> list[int]:
     if b.number(falloff) == 0.5:
         return even
     return [b.equal(falloff, b.constant(0.5), x, y) for x, y in zip(even, scaled([gain(x) for x in even]), strict=True)]
-
-

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler import ir
 from ..compiler.scene.metallic_roughness import NOTHING
-from ..compiler.scene.row_records import BLACK, WHITE, Input, MaterialData, MediumData, as_color, scale_color
+from ..compiler.scene.row_records import BLACK, WHITE, Color, Input, MaterialData, MediumData, as_color, scale_color
 from ..lang.schema.argument_types import Arg, Entry
 from . import losses, subsurface
 from .arguments import SURFACE
@@ -182,7 +182,9 @@ def _body(arguments: Arguments, inputs: dict[ir.Slot, Input]) -> int:
         return -1
     anisotropy = arguments.args["subsurface_scatter_anisotropy"]
     red, green, blue = (lengths * max(share, 1e-4) for share in arguments.args["subsurface_radius_scale"])
-    scattering, absorption = subsurface.of_free_path(color.value, (red, green, blue), anisotropy)
+    coat = [inputs[slot] for slot in (Slot.COAT, Slot.COAT_IOR, Slot.COAT_DARKENING)]
+    shown = color.value if any(each.texture >= 0 for each in coat) else darkened(color.value, *(each.value[0] for each in coat))
+    scattering, absorption = subsurface.of_free_path(shown, (red, green, blue), anisotropy)
     return arguments.medium(MediumData(scattering, absorption, anisotropy=anisotropy))
 
 
@@ -263,6 +265,15 @@ def _roughness(row: Any) -> Input:
     if _number(row, Slot.FLAKE_SIZE) == 0.0 or rough.texture >= 0 or row.texture(Slot.FLAKE_TILT) >= 0:
         return rough
     return Input.number(min((_number(row, Slot.ROUGHNESS) ** 4 + _number(row, Slot.FLAKE_TILT) ** 4) ** 0.25, 1.0))
+
+
+def darkened(color: Color, weight: float, coat_ior: float, darkening: float) -> Color:
+    """The colour of a body below a coat, by which it is darker for what the coat reflects back: OpenPBR Surface 1.1, Coat darkening."""
+    square = max(coat_ior, 1.0) ** 2
+    back = 1.0 - (1.0 - ((coat_ior - 1.0) / (coat_ior + 1.0)) ** 2) / square
+    share = min(max(weight, 0.0), 1.0) * min(max(darkening, 0.0), 1.0)
+    r, g, b = (c * (1.0 - share + share * (1.0 - back) / (1.0 - c * back)) for c in color)
+    return r, g, b
 
 
 def below_coat(ior: float, weight: float, coat_ior: float) -> float:

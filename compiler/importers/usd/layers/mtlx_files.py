@@ -53,6 +53,7 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
         document = _document(path, warn)
         definitions = {element.getName() for element in document.getNodeDefs()}
         outputs = _outputs(document)
+        in_graphs = [node for graph in _graphs(document) for node in graph.getNodes() if node.getType() == "material"]
         document.setDataLibrary(library.document())
     except (ElementTree.ParseError, OSError, ValueError, LookupError, RuntimeError) as failure:
         warn(f"the MaterialX file `{path.name}` cannot be read: {failure}")
@@ -60,19 +61,21 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
     new_layer = Sdf.Layer.CreateAnonymous(".usda")
     stage = Usd.Stage.Open(new_layer)
     stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
-    materials = list(document.getMaterialNodes()) or [node for node in document.getNodes() if node.getType() == "surfaceshader"]
+    materials = [*document.getMaterialNodes(), *in_graphs] or [node for node in document.getNodes() if node.getType() == "surfaceshader"]
     if not materials and not outputs:
         warn(f"`{path.name}` has no `surfacematerial`: nothing of it is drawn")
     looks = [look for look in document.getLooks() if look.getMaterialAssigns()]
     if looks:
         warn(f"the looks of `{path.name}` are not drawn: a stage binds materials to its prims")
     for node in materials:
-        prim_path = _ROOT.AppendChild(Tf.MakeValidIdentifier(node.getName()))
+        prim_path = _ROOT.AppendChild(Tf.MakeValidIdentifier(node.getNamePath().replace("/", "_")))
         reader = _Document(stage, document, path.parent, definitions, warn)
         material = UsdShade.Material.Define(stage, prim_path)
         for type_, output in (("surfaceshader", "surface"), ("displacementshader", "displacement"), ("volumeshader", "volume")):
-            port = next((port for port in node.getInputs() if port.getType() == type_), None)
-            source = None if port is None else reader.source(port, document, prim_path)
+            port, scope = next((port for port in node.getInputs() if port.getType() == type_), None), node.getParent()
+            while port is not None and port.getInterfaceName():  # of a material in a node graph
+                port, scope = scope.getInput(port.getInterfaceName()), scope.getParent()
+            source = None if port is None else reader.source(port, scope, prim_path)
             if node.getType() == type_:
                 source = reader.output(node, "out", document, prim_path)
             if source is not None:
@@ -83,10 +86,14 @@ def layer(path: Path, diagnostics: Diagnostics) -> Any:
     return new_layer
 
 
+def _graphs(document: Any) -> list[Any]:
+    """Node graphs that define no node."""
+    return [graph for graph in document.getNodeGraphs() if not graph.getNodeDefString()]
+
+
 def _outputs(document: Any) -> list[Any]:
     """What MaterialX's viewer shows of a document without materials: outputs of the document and of graphs that define no node."""
-    graphs = [graph for graph in document.getNodeGraphs() if not graph.getNodeDefString()]
-    outputs = [output for owner in (document, *graphs) for output in owner.getOutputs()]
+    outputs = [output for owner in (document, *_graphs(document)) for output in owner.getOutputs()]
     return [output for output in outputs if output.getType() in ("surfaceshader", *_NUMBERS)]
 
 
@@ -203,7 +210,8 @@ class _Document:
             return self._graph(graph, scope_path, port.getAttribute("output"), [], self.document)
         name = port.getAttribute("nodename")
         if not name:
-            return None
+            written = self.document.getOutput(output) if port.getAttribute("output") else None
+            return None if written is None else self.source(written, self.document, scope_path)
         node = scope.getChild(name)
         if node is None:
             self.warn(f"there is no node `{name}`: the input that it feeds takes its default")
@@ -291,7 +299,7 @@ class _Document:
         shader_input = owner.CreateInput(Tf.MakeValidIdentifier(port.getName()), _TYPES.get(type_, Sdf.ValueTypeNames.Token))
         if interface := port.getAttribute("interfacename"):
             shader_input.ConnectToSource(scope_path.AppendProperty(f"inputs:{Tf.MakeValidIdentifier(interface)}"))
-        elif port.getAttribute("nodename") or port.getAttribute("nodegraph"):
+        elif port.getAttribute("nodename") or port.getAttribute("nodegraph") or port.getAttribute("output"):
             if (source := self.source(port, scope, scope_path)) is not None:
                 shader_input.ConnectToSource(source)
         elif (value := self._value(port, type_)) is not None:

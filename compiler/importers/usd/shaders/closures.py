@@ -343,7 +343,7 @@ class Closures:
             ior = (1.0 + math.sqrt(grey)) / (1.0 - math.sqrt(grey))
             tint = (1.0,) * 3 if f0 is None else tuple(np.broadcast_to(f0 / grey, 3).tolist())
         rough, turned = t["specular_roughness"], t["specular_roughness_anisotropy"]
-        bare = is_zero(b["base_metalness"]) and is_zero(b["specular_weight"]) and "translucent" not in b
+        bare = base.kind == "transmission" or (is_zero(b["base_metalness"]) and is_zero(b["specular_weight"]) and "translucent" not in b)
         films = {name: t[name] for name in ("thin_film_weight", "thin_film_thickness", "thin_film_ior")}
         if bare:
             if not is_same(t[slabs.NORMAL], b[slabs.NORMAL]):

@@ -34,6 +34,7 @@ _INDICES = {  # of refraction, with the weights of what they change
     "specular_ior": ("specular_weight", "transmission_weight", "subsurface_weight"), "coat_ior": ("coat_weight",),
     "thin_film_ior": ("thin_film_weight",),
 }  # fmt: skip
+_DARKENS = {"coat_weight": 0.0, "coat_ior": 1.6, "coat_darkening": 1.0}  # inputs of a coat that darken a body, with their defaults
 _EDGE = 1.0 / 7.0  # cosine of 81.8°, where F82 is defined
 _SHEEN_ROUGHNESS = 0.3  # of disney_principled
 _COAT_GLOSS = 0.25  # share of a clear coat of disney_principled
@@ -361,7 +362,8 @@ class Rows:
         anisotropy = min(max(self.reader.constant(inputs["subsurface_scatter_anisotropy"], 0.0), -0.99), 0.99)
         lengths = self._lengths(inputs)
         if color.texture < 0:
-            scattering, absorption = subsurface.of_free_path(color.value, lengths, anisotropy)
+            coat = [self.reader.constant(inputs[name], default) for name, default in _DARKENS.items()]
+            scattering, absorption = subsurface.of_free_path(openpbr.darkened(color.value, *coat), lengths, anisotropy)
         else:
             scattering, absorption = subsurface.coefficients(color.value, subsurface.radius_of_free_path(lengths))
             scattering = scale_color(scattering, 1.0 / (1.0 - anisotropy))

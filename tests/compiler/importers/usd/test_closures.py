@@ -220,3 +220,12 @@ def test_included_documents_are_read_in_the_folder_alone(tmp_path):
     scene, messages = opened(tmp_path / "in" / "m.mtlx")
     assert messages == ["the document `../outside.mtlx` lies outside of the folder of `m.mtlx`: it is left out"]
     assert 1.0 in scene.tables.materials.values[:, ir.Slot.METALLIC, 0]
+
+
+def test_a_dielectric_that_reflects_over_one_that_light_passes_is_glass(tmp_path):
+    inputs = 'float inputs:ior = 1.4\nstring inputs:scatter_mode = "T"\ncolor3f inputs:tint = (1, 0.5, 0.25)'
+    passes = bsdf("p", "ND_dielectric_bsdf", inputs)
+    scene, messages = surface(tmp_path, DIELECTRIC + passes + joined("l", "ND_layer_bsdf", top="k", base="p"), "l")
+    assert (messages, slot(scene, "COAT")[0], slot(scene, "TRANSMISSION_WEIGHT")[0]) == ([], 0.0, 1.0)
+    assert slot(scene, "TRANSMISSION_COLOR") == [1, 0.5, 0.25]
+    assert [slot(scene, name)[0] for name in ("IOR", "SPECULAR_WEIGHT", "ROUGHNESS")] == pytest.approx([1.4, 0.5, 0.3])

@@ -232,3 +232,31 @@ def test_light_below_a_coloured_coat_is_told(tmp_path):
     for coat, told in ((0, []), (1, ["light that is emitted below a coat is drawn without the colour of the coat"])):
         (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text.format(coat)}{ONE.format("M", "a")}</materialx>')
         assert opened(tmp_path / "m.mtlx")[1] == told
+
+
+GRAPHS = """<materialx version="1.39">
+    <standard_surface name="s" type="surfaceshader"><input name="metalness" type="float" value="0.375"/></standard_surface>
+    <nodegraph name="g"><input name="shader" type="surfaceshader" nodename="s"/>
+    <surfacematerial name="M" type="material"><input name="surfaceshader" type="surfaceshader" interfacename="shader"/></surfacematerial>
+    <output name="out" type="material" nodename="M"/></nodegraph>
+    <nodegraph name="h"><standard_surface name="t" type="surfaceshader"><input name="metalness" type="float" value="0.625"/>
+    </standard_surface><surfacematerial name="N" type="material"><input name="surfaceshader" type="surfaceshader" nodename="t"/>
+    </surfacematerial><output name="out" type="material" nodename="N"/></nodegraph></materialx>"""
+
+
+def test_materials_in_graphs(tmp_path):
+    """One with a shader of its graph, and one whose shader is an input of the graph."""
+    (tmp_path / "m.mtlx").write_text(GRAPHS)
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    assert {0.375, 0.625} <= set(tables.materials.values[:, ir.Slot.METALLIC, 0].tolist())
+
+
+def test_an_input_that_reads_an_output_of_the_document(tmp_path):
+    (tmp_path / "m.mtlx").write_text(f"""<materialx version="1.39">
+        <constant name="c" type="float"><input name="value" type="float" value="0.875"/></constant>
+        <output name="number" type="float" nodename="c"/><standard_surface name="u" type="surfaceshader">
+        <input name="metalness" type="float" output="number"/></standard_surface>{ONE.format("O", "u")}</materialx>""")
+    tables, messages = opened(tmp_path / "m.mtlx")
+    assert messages == []
+    assert 0.875 in tables.materials.values[:, ir.Slot.METALLIC, 0]

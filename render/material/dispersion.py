@@ -53,9 +53,12 @@ class Component(NamedTuple):
     response: Vec  # of red, green, blue, over the density of the wavelength
 
 
-def tables_of(tables: ir.Tables, media: Any, space: str = "rec709") -> Dispersion | NoDispersion:
-    """The dispersive glass of a scene with these medium_stack.Media or Air, for paths in a working space."""
-    if not traits.disperses(tables):
+def tables_of(tables: ir.Tables, media: Any, space: str = "rec709", always: bool = False) -> Dispersion | NoDispersion:
+    """The dispersive glass of a scene with these medium_stack.Media or Air, for paths in a working space.
+
+    With `always`, scenes without any have tables that change no index.
+    """
+    if not always and not traits.disperses(tables):
         return NoDispersion()
     of = np.where(traits.dispersive(tables), glass.slope(tables.materials.values[:, ir.Slot.DISPERSION, 0]), 0.0)
     around = np.zeros(len(media.index) if media else 1)

@@ -83,11 +83,11 @@ class SlabTables(NamedTuple):
     anisotropy: Any  # anisotropic_albedo.AnisotropicTables or NoAnisotropy
 
 
-def tables_of(tables: ir.Tables, general: bool = False) -> SlabTables | NoSlabs:
-    """The tables if a material of an instance is OpenPBR's. General kernels of such scenes have all its parts."""
-    if not (traits.slabs(tables) & traits.used(tables)).any():
-        return NoSlabs()
+def tables_of(tables: ir.Tables, general: bool = False, always: bool = False) -> SlabTables | NoSlabs:
+    """The tables if a material of an instance is OpenPBR's, or `always`. With `general` they have all parts."""
     used = traits.used(tables)
+    if not always and not (traits.slabs(tables) & used).any():
+        return NoSlabs()
     uneven = traits.anisotropic(tables) & used
     turned = tangent_frame.Turned(1) if general or uneven.any() else tangent_frame.Round()
     films = Films(1) if general or (traits.filmed(tables) & used).any() else NoFilms()

@@ -61,16 +61,20 @@ def tables_for(tables: ir.Tables, general: bool = False, around: tuple[int, ...]
     """Return tables with `Layered` materials if an instance uses microfacets, a normal or height map, a medium or a blend.
 
     With `general`, every part is there: those that the scene does not use are empty. `around` are the materials around the camera.
-    Glass disperses light where a working space is given.
+    Glass disperses light where a working space is given. Slabs and dispersion are in no general kernels but those of scenes with either,
+    which have both.
     """
     media = medium_stack.media(tables, general, around)
+    disperses = space is not None and traits.disperses(tables)
+    rare = general and (disperses or bool((traits.slabs(tables) & traits.used(tables)).any()))
     facets = bool(((traits.facets(tables) | traits.coated(tables)) & traits.used(tables)).any())
     parts = (
         energy_compensation.table() if facets else energy_compensation.unused_table() if general else Smooth(),
-        sheen.tables_of(tables, general), normal_map.build_tangents(tables, general),
+        sheen.tables_of(tables, general), normal_map.build_tangents(tables, general, rare),
         rough_dielectric.tables_of(tables, general), media, blend.find_blends(tables, general),
         added_lobes.tables_of(tables, general), body_coat.tables_of(tables, general),
-        openpbr.tables_of(tables, general), dispersion.tables_of(tables, media, space) if space else dispersion.NoDispersion(),
+        openpbr.tables_of(tables, general, rare),
+        dispersion.tables_of(tables, media, space, rare) if space else dispersion.NoDispersion(),
     )  # fmt: skip
     absent = (
         Smooth, sheen.NoSheen, normal_map.NoMaps, rough_dielectric.Clear, medium_stack.Air, blend.Unblended, added_lobes.NotAdded,

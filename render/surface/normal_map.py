@@ -70,11 +70,18 @@ class Tangents(NamedTuple):
     coats: Any = NoCoatNormals()  # or CoatNormals
 
 
-def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMaps:
-    """The tangents of a scene for kernels; without normal and bump maps NoMaps, with `general` an empty record."""
+def build_tangents(tables: ir.Tables, general: bool = False, coated: bool = False) -> Tangents | NoMaps:
+    """The tangents of a scene for kernels; without normal and bump maps NoMaps, with `general` an empty record.
+
+    With `coated`, coats have normals of their own, though all may equal those of the bases.
+    """
     maps = tables.materials.textures[:, [NORMAL, BUMP, COAT_NORMAL]]
-    if not (maps[traits.used(tables)] >= 0).any():
-        return Tangents(np.full(len(tables.geometries.kind), -1, np.int64), np.zeros((0, 4), np.float32), 0) if general else NoMaps()
+    present = traits.used(tables)
+    separate = (tables.materials.values[:, COAT_NORMAL, 2] > 0.0) & present
+    coats = CoatNormals(1) if coated or separate.any() else NoCoatNormals()
+    if not (maps[present] >= 0).any():
+        none = np.full(len(tables.geometries.kind), -1, np.int64), np.zeros((0, 4), np.float32)
+        return Tangents(*none, 0, coats) if general else NoMaps()
     used = tables.instances.material
     blended = traits.has(tables, Lobes.PARTS)
     kinds, uvs = tables.geometries.kind, tables.geometries.uvs
@@ -86,8 +93,7 @@ def build_tangents(tables: ir.Tables, general: bool = False) -> Tangents | NoMap
         first[g] = count
         parts.append(tangents)
         count += len(tangents)
-    separate = (tables.materials.values[:, COAT_NORMAL, 2] > 0.0) & traits.used(tables)
-    return Tangents(first, np.concatenate(parts), 1, CoatNormals(1) if separate.any() else NoCoatNormals())
+    return Tangents(first, np.concatenate(parts), 1, coats)
 
 
 def mesh_tangents(tables: ir.Tables, g: int, flat: bool = False) -> NDArray[np.float32]:
@@ -224,6 +230,8 @@ def _apply_if_any(tables: Any, point: Surface, hit: Hit, direction: Vec) -> Surf
 
 @helper
 def _apply_with_coats(tables: Any, point: Surface, hit: Hit, direction: Vec) -> Surface:
+    if tables.materials.tangents.maps == 0:  # pyright: ignore[reportAttributeAccessIssue]
+        return _framed(point, CoatFrame(None, point.normal))
     mapped = _apply_maps(tables, point, hit, direction)
     return _framed(mapped, CoatFrame(None, _coat_normal(tables, point, mapped.normal, hit, direction)))
 
@@ -232,6 +240,8 @@ def _apply_with_coats(tables: Any, point: Surface, hit: Hit, direction: Vec) -> 
 def _coat_normal(tables: Tables, point: Surface, base: Vec, hit: Hit, direction: Vec) -> Vec:
     """The normal of the coat at a surface without maps: its own, or that of the base."""
     is_separate = tables.materials.values[point.material, COAT_NORMAL, 2] > 0.0
+    if ops.not_(ops.any_lane(is_separate)):
+        return base
     turned = tables.materials.textures[point.material, COAT_NORMAL] >= 0
     zero = ops.full_like(point.offset, 0.0)
     side = ops.where(point.front, zero + 1.0, zero - 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from maquette.compiler import ir
-from maquette.compiler.scene.row_records import Input, TextureData
+from maquette.compiler.scene.row_records import Input, MaterialData, TextureData
 from maquette.materials import openpbr
 from maquette.render.integrator import direct_light
 from maquette.render.lanes import ops
@@ -63,6 +63,25 @@ def test_normals_of_coats(slots, base, coat):
     for facets, normal in ((part.facets, base), (part.coat_facets, coat)):
         assert abs(np.dot(np.ravel(facets.along), normal)) < 1e-6
         assert abs(np.dot(np.ravel(facets.across), normal)) < 1e-6
+
+
+def kinds_of(part):
+    """The types of a nest of tuples and arrays, by which kernels are chosen."""
+    if isinstance(part, tuple):
+        return type(part), [kinds_of(each) for each in part]
+    return (part.dtype, part.shape[1:]) if isinstance(part, np.ndarray) else type(part)
+
+
+def test_slabs_with_and_without_such_coats_and_dispersion_share_general_kernels():
+    placed = make.matrix()
+    glass = MaterialData(ir.MaterialModel.GLASS, {Slot.DISPERSION: Input.number(0.5), Slot.IOR: Input.number(1.5)})
+    scenes = [
+        make.scene([(ir.GeometryKind.SPHERE, (1.0,), placed, 0)], materials=[material])
+        for material in (openpbr.data({}), openpbr.data({Slot.COAT: Input.number(1.0), Slot.COAT_NORMAL: openpbr.SMOOTH_COAT}), glass)
+    ]  # fmt: skip
+    plain, coated, split = (kinds_of(principled.tables_for(each, general=True, space="rec709").materials) for each in scenes)
+    assert plain == coated
+    assert plain == split
 
 
 def test_scenes_without_such_coats_keep_their_tables():

@@ -154,12 +154,11 @@ class _Network:
     def turn(self, shader: Any, name: str, slot: ir.Slot) -> None:
         """The tangent of a highlight that is turned, as open_pbr_surface has it."""
         target, part = _ROTATIONS[name]
-        if self.row.texture(slot) >= 0:
-            self.out.cannot(losses.argument(name), "materials", self.row.row)
-        elif self.row.number(slot) != 0.0:
+        if self.row.number(slot) != 0.0:
             tangent = self.nodes.add("tangent", "ND_tangent_vector3", "vector3", space=("string", "world"))
             normal = self.nodes.add("normal", "ND_normal_vector3", "vector3", space=("string", "world"))
-            ports = {"in": ("vector3", tangent), "amount": ("float", 360.0 * self.row.number(slot)), "axis": ("vector3", normal)}
+            amount = self.input(Input.number(360.0 * self.row.number(slot), self.row.texture(slot)), "float")
+            ports = {"in": ("vector3", tangent), "amount": ("float", amount), "axis": ("vector3", normal)}
             set_input(shader, target, "vector3", self.nodes.add(f"{part}_tangent", "ND_rotate3d_vector3", "vector3", **ports))
 
     def roughness_of_flakes(self, shader: Any) -> None:

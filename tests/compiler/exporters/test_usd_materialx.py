@@ -18,6 +18,8 @@ from maquette.compiler.load import load
 from maquette.materials import MATERIALS
 from pxr import Usd, UsdShade
 
+from ...files import write_image
+
 VIEW = "camera([0, 1, 6], look_at: [0, 0, 0], fov: 30deg)\nsun([1, 2, 1.5], illuminance: 3)\nsky(luminance: 0.5)\nrender(size: [48, 32])\n"
 SLABS = {
     "brushed": "openpbr(rgb(0.5, 0.4, 0.3), base_metalness: 1, specular_color: rgb(0.7, 0.8, 0.9), "
@@ -107,8 +109,20 @@ PATTERNED = [
 ]
 
 
-@pytest.mark.parametrize("material", PATTERNED)
+GRAPHS = [
+    *PATTERNED,
+    "openpbr(#e0c080, base_metalness: 1, specular_roughness: 0.4, specular_roughness_anisotropy: 0.8, "
+    "specular_rotation: pattern(|x, y, z| 0.25 + 0.2 * sin(6 * y)))",
+    "lambert(pattern(|x, y, z, u, v, nx, ny, nz| rgb(abs(perlin(4 * x, 4 * y, 4 * z)), u * v, abs(nx)) "
+    "+ 0.1 * perlin_color(2 * x, 2 * y) + 0.05 * perlin_color(2 * x, 2 * y, z)))",
+    'lambert(pattern(|u, v| lerp(image("p.exr", wrap: "clamp", filter: "nearest")(2 * u, v), image("p.exr")(v, u), 0.4)))',
+    'principled(0.5, metallic: 1, roughness: pattern(|u, v| 0.2 + 0.4 * image("p.exr")(3 * u, v).g))',
+]
+
+
+@pytest.mark.parametrize("material", GRAPHS)
 def test_patterns_are_graphs(tmp_path: Path, material: str) -> None:
+    write_image(tmp_path / "p.exr", np.random.default_rng(5).uniform(0.0, 1.0, (5, 4, 3)).astype(np.float32))
     stage, said = converted(tmp_path, f"box(1.5, rotate: [20deg, 30deg, 0deg], material: {material})\n")
     assert "pattern is not carried" not in said
     assert not errors(stage)

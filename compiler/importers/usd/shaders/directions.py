@@ -12,13 +12,12 @@ from pxr import UsdShade
 TURNED = {"specular_rotation": "geometry_tangent", "coat_rotation": "geometry_coat_tangent"}
 
 
-def turn(shader_input: Any) -> float | None:
-    """The turns of a direction that is the tangent of the surface, turned by a number of degrees about its normal; None of others."""
+def angle(shader_input: Any) -> Any:
+    """The input of the degrees by which a direction is the tangent of the surface, turned about its normal; None of other directions."""
     for attribute in shader_input.GetValueProducingAttributes() if shader_input else ():
         node = UsdShade.Shader(attribute.GetPrim())
         if node and node.GetIdAttr().Get() == "ND_rotate3d_vector3" and node.GetInput("in") and is_of_surface(node.GetInput("in")):
-            amount = node.GetInput("amount")
-            return None if not amount or amount.HasConnectedSource() else float(amount.Get() or 0.0) / 360.0
+            return node.GetInput("amount") or None
     return None
 
 

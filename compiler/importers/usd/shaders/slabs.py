@@ -56,8 +56,8 @@ def surface(shader: Any, kind: str, source: Callable[[Any, Any], Any], arithmeti
     elif names is not OPEN:
         _standard(inputs, arithmetic, place)
     else:
-        turns = {name: directions.turn(shader.GetInput(target)) for name, target in directions.TURNED.items()}
-        inputs |= {name: turn for name, turn in turns.items() if turn is not None}
+        angles = {name: directions.angle(shader.GetInput(target)) for name, target in directions.TURNED.items()}
+        inputs |= {name: arithmetic.times(source(angle, 0.0), 1.0 / 360.0, place) for name, angle in angles.items() if angle}
     used = {written for written, _ in names.values()} | EXTRA.get(kind, set())
     for shader_input in shader.GetInputs():
         name = str(shader_input.GetBaseName())
@@ -135,7 +135,7 @@ def _mean(opacity: Any) -> Any:
 def _without_effect(shader: Any, name: str, shader_input: Any, source: Callable[[Any, Any], Any]) -> bool:
     """Whether an input has its value without effect, or the weight of its part is 0."""
     if name in _DIRECTIONS:
-        return not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input) or directions.turn(shader_input) is not None
+        return not shader_input.HasConnectedSource() or directions.is_of_surface(shader_input) or directions.angle(shader_input) is not None
     value = numbers(source(shader_input, None))
     for part, weights in DEPENDENT.items():
         if name.startswith(part):

@@ -211,18 +211,18 @@ class Graph:
 
     def inline(self, formula: Formula, arguments: Sequence[Term]) -> list[Term]:
         """The results of another formula whose parameters have these values."""
-        done: list[Term] = []
+        terms: list[Term] = []
         for node in formula.nodes:
             if node.op == "constant":
-                done.append(self.constant(node.value))
+                terms.append(self.constant(node.value))
             elif node.op == "parameter":
-                done.append(arguments[int(node.value)])
+                terms.append(arguments[int(node.value)])
             elif node.op in CHANNELS:
-                texel = self.look_up(formula.pictures[int(node.value)], *[done[i] for i in node.args])
-                done.append(texel[CHANNELS.index(node.op)])
+                texel = self.look_up(formula.pictures[int(node.value)], *[terms[i] for i in node.args])
+                terms.append(texel[CHANNELS.index(node.op)])
             else:
-                done.append(self.apply(node.op, *[done[i] for i in node.args]))
-        return [done[i] for i in formula.results]
+                terms.append(self.apply(node.op, *[terms[i] for i in node.args]))
+        return [terms[i] for i in formula.results]
 
     def _term(self, op: str, args: tuple[Term, ...], value: float | bool) -> Term:
         key = (op, value, *[a.index for a in args]) if args else (op, type(value), value, math.copysign(1.0, value))

@@ -149,8 +149,8 @@ class Translator(NodeTranslator):
         super().__init__(formula, inputs)
 
     def of_pattern(self, node: Node, names: Sequence[int]) -> int:
-        thing = "a picture is looked up" if node.op in CHANNELS else f"{node.op.partition('_')[0]} has values"
-        raise NotASurface(f"{thing} in patterns of materials alone", "write noise(x, y, z) here" if node.op not in CHANNELS else "")
+        use = "a picture is looked up" if node.op in CHANNELS else f"{node.op.partition('_')[0]} has values"
+        raise NotASurface(f"{use} in patterns of materials alone", "write noise(x, y, z) here" if node.op not in CHANNELS else "")
 
     def quotient(self, a: int, b: int) -> int:
         return factor_cancellation.divide(self.builder, a, b)

@@ -22,10 +22,10 @@ def call(texture: Element, givens: list[ArgumentValue], scope: Scope) -> Value:
             )
         if not operators.is_scalar(given.value):
             raise Mistake(f"expected number, got {describe(given.value)}", span=given.span)
-    wanted = len(_coordinates(texture).split())
-    if len(givens) != wanted:
+    count = len(_coordinates(texture).split())
+    if len(givens) != count:
         raise Mistake(
-            f"this {texture.kind} takes {wanted} coordinates, got {len(givens)}", f"write {texture.kind}(…)({_coordinates(texture)})"
+            f"this {texture.kind} takes {count} coordinates, got {len(givens)}", f"write {texture.kind}(…)({_coordinates(texture)})"
         )
     graph = operators.graph_of(scope, *[given.value for given in givens])
     if graph is None:

@@ -38,9 +38,9 @@ class Text(NamedTuple):
     text: str
     binds: int = _ATOM
 
-    def within(self, least: int) -> str:
-        """The text, in parentheses where it binds less tightly than `least`."""
-        return self.text if self.binds >= least else f"({self.text})"
+    def within(self, level: int) -> str:
+        """The text, in parentheses where it binds less tightly than `level`."""
+        return self.text if self.binds >= level else f"({self.text})"
 
 
 Levels = Sequence[tuple[float, float]]

@@ -246,18 +246,17 @@ class _Document:
                     self.warn(f"the input `{port.getName()}` of `{node.getName()}` is a {types[0]}, not a {types[1]}: it takes its default")
                 else:
                     self._input(shader, port, scope, scope_path)
-            self._wraps(shader, written)
+            if node.getCategory() == "UsdUVTexture":
+                self._wraps(shader)
         UsdShade.Shader(self.stage.GetPrimAtPath(path)).CreateOutput(name, Sdf.ValueTypeNames.Token)
         return path.AppendProperty(f"outputs:{name}")
 
-    def _wraps(self, shader: Any, definition: Any) -> None:
+    def _wraps(self, shader: Any) -> None:
         """Writes MaterialX's wrap mode of UsdUVTexture, which is another one in USD."""
-        if definition is None or definition.getNodeString() != "UsdUVTexture":
-            return
+        defined = library.definition("UsdUVTexture")
         for name in ("wrapS", "wrapT"):
-            port = definition.getActiveInput(name)
-            if port is not None and not shader.GetInput(name):
-                shader.CreateInput(name, Sdf.ValueTypeNames.String).Set(port.getValueString())
+            if defined is not None and name in defined.inputs and not shader.GetInput(name):
+                shader.CreateInput(name, Sdf.ValueTypeNames.String).Set(str(defined.inputs[name].value))
 
     def material_of_output(self, output: Any, prim_path: Any) -> None:
         """A material of a surface shader, or one that emits the values of an output."""

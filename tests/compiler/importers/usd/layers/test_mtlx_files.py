@@ -214,7 +214,11 @@ def test_inputs_without_effect_are_not_told(tmp_path):
         assert opened(tmp_path / "m.mtlx")[1] == told
 
 
-@pytest.mark.parametrize(("inputs", "wrap"), [("", ir.Wrap.REPEAT), ('<input name="wrapS" type="string" value="clamp"/>', ir.Wrap.CLAMP)])
+@pytest.mark.parametrize(
+    ("inputs", "wrap"),
+    [("", ir.Wrap.REPEAT), ('<input name="scale" type="vector4" value="0.5, 0.5, 0.5, 1"/>', ir.Wrap.REPEAT),
+     ('<input name="wrapS" type="string" value="clamp"/>', ir.Wrap.CLAMP)],
+)  # fmt: skip
 def test_textures_of_usd_repeat_as_materialx_says(tmp_path, inputs, wrap):
     write_image(tmp_path / "t.png", np.array([[[128, 128, 128]]], np.uint8))
     text = f"""<UsdUVTexture name="i" type="multioutput"><input name="file" type="filename" value="t.png"/>{inputs}</UsdUVTexture>

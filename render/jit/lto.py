@@ -20,7 +20,7 @@ from numba.core import cgutils
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import CodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, compile_result
-from numba.core.compiler_machinery import LoweringPass, register_pass
+from numba.core.compiler_machinery import LoweringPass, PassManager, register_pass
 from numba.core.environment import Environment
 from numba.core.funcdesc import FunctionDescriptor
 from numba.core.typed_passes import NativeLowering
@@ -256,6 +256,15 @@ _UNUSED_PASSES = {
 _CLOSURE_PASSES = {"inline_closure_likes", "make_function_op_code_to_jit_function"}
 
 
+class _FragmentPasses(PassManager):
+    """Passes that run without Numba's events, timers and checks of their results."""
+
+    def _runPass(self, index: int, pss: Any, internal_state: Any) -> None:
+        pss.analysis = self._analysis
+        for step in (pss.run_initialization, pss.run_pass, pss.run_finalizer):
+            step(internal_state)
+
+
 _used = set[str]()  # keys of the fragments that this process has compiled
 
 
@@ -306,8 +315,8 @@ class Fragment(CompilerBase):
         self.state["library"] = _Library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         has_closures = any(map(iscode, self.state.func_id.code.co_consts))
         idle = _UNUSED_PASSES if has_closures else _UNUSED_PASSES | _CLOSURE_PASSES
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.passes = [each for each in passes.passes if each[0].name() not in idle]
+        passes: Any = _FragmentPasses("fragment")
+        passes.passes = [each for each in DefaultPassBuilder.define_nopython_pipeline(self.state).passes if each[0].name() not in idle]
         passes.add_pass_after(_Register, NativeLowering)
         passes.finalize()
         return [passes]

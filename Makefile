@@ -116,11 +116,12 @@ accuracy: $(DEVELOP)  ## measure the known answers and the failing places again:
 
 FIRST = $(if $(PACKAGE),$(if $(filter lang% compiler%,$(PACKAGE)),,kernels),check kernels)
 
-test: $(DEVELOP)  ## the whole suite, after ruff and pyright beside `make kernels`; PACKAGE=render/accel: the tests of one package alone
+# The kernels need none of the packages of tests and checks: they are compiled while those are installed.
+test: $(STAMP)  ## the whole suite, after ruff and pyright beside `make kernels`; PACKAGE=render/accel: the tests of one package alone
 ifdef PACKAGE
 	@test -d tests/$(PACKAGE) || { echo "no tests are in tests/$(PACKAGE); packages: $$(cd tests && find . -name 'test_*.py' -printf '%h\n' | sed 's:^\./::' | sort -u | xargs)"; exit 1; }
 endif
-	@$(if $(FIRST),$(MAKE) --no-print-directory -j2 $(FIRST))
+	@$(MAKE) --no-print-directory -j2 venv $(FIRST)
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal $(if $(PACKAGE),tests/$(PACKAGE))
 
 test-all: check kernels  ## also what takes long: statistics, soak, packaging; then parts of it under other conditions

@@ -333,6 +333,7 @@ def _scaling(row: int, alpha: float, along: float, across: float, e: F64) -> F64
     return h * np.sqrt((1.0 - energy_compensation.SCALED[0]) / max(float(over), 1.0))
 
 
+@lru_cache(maxsize=16)  # 0.4 MB each: frames of an animation and edits in the window have the same indices
 def _boundary(index: float) -> tuple[F64, F64]:
     """`lost` and `lost_mean` of a boundary to this index."""
     sent = np.zeros((2, ROWS * RATIOS, TURNS * COLUMNS))

@@ -348,6 +348,7 @@ eta = _if_active(_relative_index)  # index of this side over the other's
 # --- tabulation ----------------------------------------------------------------------------------------------------------
 
 
+@functools.lru_cache(maxsize=16)  # frames of an animation and edits in the window have the same indices
 def albedo_table(index: float) -> tuple[F64, F64]:
     """(each, mean) of a glass of this index."""
     alpha = energy_compensation.alphas(ROWS)

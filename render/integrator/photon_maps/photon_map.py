@@ -35,6 +35,7 @@ from ..state.records import ShadingContext
 COLUMNS = 13  # of a stored photon: position, direction it came from, power, surface normal, and 1, or -1: for diffuse surfaces alone
 FLATNESS = 0.2  # of a photon's radius: how far off the surface it still counts
 FACING = 0.7  # smallest cosine between the normals of one surface
+STORED = 2.0**-22  # of its largest coordinate, by which a photon may be off its surface: it is stored in single precision
 NEIGHBOURS = 24.0  # photons in the disk of one, for FIRST of them in a map and in all
 LOBE, PAST_LOBE, MATT, CLEAN, BESIDE = 1.75, 1.875, 2.0, 3.0, 5.0  # phases of a path, see phase_after
 
@@ -214,7 +215,8 @@ def _gathered(maps: Any, chosen: Chosen, shading: ShadingContext) -> Gathered:
     normal = (maps.normal[row], maps.normal[row + n], maps.normal[row + 2 * n])
     place = (maps.place[row], maps.place[row + n], maps.place[row + 2 * n])
     side, photon_side = ops.sign_of(ops.dot(toward, point.geometric)), ops.sign_of(ops.dot(toward, normal))
-    end = ops.along(ops.add(place, (maps.origin[0], maps.origin[1], maps.origin[2])), normal, 2.0 * photon_side * point.offset)
+    lift = ops.maximum(2.0 * point.offset, STORED * ops.largest((ops.absolute(place[0]), ops.absolute(place[1]), ops.absolute(place[2]))))
+    end = ops.along(ops.add(place, (maps.origin[0], maps.origin[1], maps.origin[2])), normal, photon_side * lift)
     start = ops.along(interaction.shadow_origin(point), point.geometric, side * point.offset)
     return Gathered(chosen.light, start, end, ops.add(ops.scale(point.geometric, side), ops.scale(normal, photon_side)))
 

@@ -271,3 +271,27 @@ def test_no_photon_lights_a_closed_room_behind_a_thin_wall(tmp_path, denoise):
     found = maquette.render(tmp_path / "a.scene", size=(24, 18), samples=4, denoise=denoise)
     assert not found.channels["rgba"][..., :3].any()
     assert found.metadata.get("denoised_error", 0.0) == 0.0
+
+
+MIRROR = """
+group(translate: {place}) {{
+  box(2, center: [0, 1.37, 0], material: metal("gold", roughness: {roughness}))
+  disk(20, center: [0, 0.37, 0], material: lambert(0.7))
+}}
+sun(from: [1.2, 2, 1.1], illuminance: 2)
+camera(position: [{x}, 4, {z}], look_at: [{x}, 0.37, {look}], fov: 40deg)
+render(bounces: 3)
+"""
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (300, 0, -200)])
+@pytest.mark.parametrize("roughness", [0.25, pytest.param(0.02, marks=pytest.mark.long)])
+def test_photons_light_the_floor_in_both_precisions(draw, place, roughness):
+    """Photons are stored in single precision: in kernels of double precision they must not hide below their surface."""
+    x, _, z = place
+    text = MIRROR.format(place=[*place], x=x, z=z + 5, look=z + 2, roughness=roughness)
+    runs = [[draw(text, 16, seed, precision=name).mean() for seed in range(6)] for name in ("float32", "float64")]
+    single, double = np.array(runs)
+    matt = draw(text.replace(f'metal("gold", roughness: {roughness})', "lambert(0)"), 64).mean()
+    assert (np.abs(double - single) < 0.01 * (single - matt)).all()  # the places of a round are rounded alike
+    assert (double > 1.1 * matt).all()

@@ -112,9 +112,9 @@ def test_a_body_below_a_coat_is_darker(compiled) -> None:
     text = "sphere(1, material: openpbr(subsurface_weight: 1, subsurface_color: 0.8, subsurface_radius: 2cm{}))" + REST
     back = 1 - (1 - (0.68 / 2.68) ** 2) / 1.68**2
     dark = 0.8 * (1 - back) / (1 - 0.8 * back)
-    for more, color in (("", 0.8), (", coat_weight: 1, coat_ior: 1.68", dark), (", coat_weight: 1, coat_darkening: 0", 0.8),
+    for coat, color in (("", 0.8), (", coat_weight: 1, coat_ior: 1.68", dark), (", coat_weight: 1, coat_darkening: 0", 0.8),
                         (", coat_weight: 0.5, coat_ior: 1.68", 0.5 * (0.8 + dark))):  # fmt: skip
-        tables = compiled(text.format(more)).tables
-        scattering, _ = subsurface.of_free_path((color,) * 3, (0.02, 0.01, 0.005))
+        tables = compiled(text.format(coat)).tables
+        scattering, _ = subsurface.of_free_path((color, color, color), (0.02, 0.01, 0.005))
         assert np.allclose(tables.media.scattering[int(tables.materials.medium[0])], scattering)
         assert np.allclose(tables.materials.values[0, Slot.SUBSURFACE_COLOR], 0.8)

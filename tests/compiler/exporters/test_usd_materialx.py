@@ -14,7 +14,9 @@ import pytest
 from click.testing import CliRunner
 from maquette.cli.main import cli
 from maquette.compiler import ir
+from maquette.compiler.formula.tape import load_tape
 from maquette.compiler.load import load
+from maquette.compiler.texture_graph import evaluate
 from maquette.materials import MATERIALS
 from pxr import Usd, UsdShade
 
@@ -109,26 +111,56 @@ PATTERNED = [
 ]
 
 
-GRAPHS = [
-    *PATTERNED,
-    "openpbr(#e0c080, base_metalness: 1, specular_roughness: 0.4, specular_roughness_anisotropy: 0.8, "
-    "specular_rotation: pattern(|x, y, z| 0.25 + 0.2 * sin(6 * y)))",
-    "lambert(pattern(|x, y, z, u, v, nx, ny, nz| rgb(abs(perlin(4 * x, 4 * y, 4 * z)), u * v, abs(nx)) "
-    "+ 0.1 * perlin_color(2 * x, 2 * y) + 0.05 * perlin_color(2 * x, 2 * y, z)))",
-    'lambert(pattern(|u, v| lerp(image("p.exr", wrap: "clamp", filter: "nearest")(2 * u, v), image("p.exr")(v, u), 0.4)))',
-    'principled(0.5, metallic: 1, roughness: pattern(|u, v| 0.2 + 0.4 * image("p.exr")(3 * u, v).g))',
-]
-
-
-@pytest.mark.parametrize("material", GRAPHS)
+@pytest.mark.parametrize("material", PATTERNED)
 def test_patterns_are_graphs(tmp_path: Path, material: str) -> None:
-    write_image(tmp_path / "p.exr", np.random.default_rng(5).uniform(0.0, 1.0, (5, 4, 3)).astype(np.float32))
     stage, said = converted(tmp_path, f"box(1.5, rotate: [20deg, 30deg, 0deg], material: {material})\n")
     assert "pattern is not carried" not in said
     assert not errors(stage)
     scenes = [maquette.load(tmp_path / file) for file in ("a.scene", "a.usda")]
     first, second = (np.array(scene.render(size=(48, 32), samples=4, denoise=False))[..., :3] for scene in scenes)
     assert np.abs(first - second).mean() < 5e-3 * first.mean()
+
+
+GRAPHS = {
+    "openpbr(#e0c080, base_metalness: 1, specular_roughness: 0.4, specular_roughness_anisotropy: 0.8, "
+    "specular_rotation: pattern(|x, y, z| 0.25 + 0.2 * sin(6 * y)))": ir.Slot.ROTATION,
+    "lambert(pattern(|x, y, z, u, v, nx, ny, nz| rgb(abs(perlin(4 * x, 4 * y, 4 * z)), u * v, abs(nx)) "
+    "+ 0.1 * perlin_color(2 * x, 2 * y) + 0.05 * perlin_color(2 * x, 2 * y, z)))": ir.Slot.DIFFUSE,
+    'lambert(pattern(|u, v| lerp(image("p.exr", wrap: "clamp", filter: "nearest")(2 * u, v), image("p.exr")(v, u), 0.4)))': ir.Slot.DIFFUSE,
+    'principled(0.5, metallic: 1, roughness: pattern(|u, v| 0.2 + 0.4 * image("p.exr")(3 * u, v).g))': ir.Slot.ROUGHNESS,
+}
+
+
+@pytest.mark.parametrize("material", GRAPHS)
+def test_graphs_with_pictures_and_noise_come_back(tmp_path: Path, material: str) -> None:
+    """Values at random points; pictures are looked up at whole texels, wrapped as their textures say."""
+    write_image(tmp_path / "p.exr", np.random.default_rng(5).uniform(0.0, 1.0, (5, 4, 3)).astype(np.float32))
+    stage, said = converted(tmp_path, f"box(1.5, rotate: [20deg, 30deg, 0deg], material: {material})\n")
+    assert "pattern is not carried" not in said
+    assert not errors(stage)
+    first, second = (_values(load(tmp_path / file).tables, GRAPHS[material]) for file in ("a.scene", "a.usda"))
+    assert np.ptp(first) > 0.1
+    np.testing.assert_allclose(first, second, rtol=2e-3, atol=2e-3)
+
+
+def _values(tables: ir.Tables, slot: ir.Slot) -> np.ndarray:
+    """(3, n) an input of the first material at random points."""
+    row = int(tables.instances.material[0])
+    texture = int(tables.materials.textures[row, slot])
+    textures, images = tables.textures, tables.images
+    points = np.random.default_rng(7).uniform(-1.0, 1.0, (8, 200))
+    points[3:5], points[5:] = np.abs(points[3:5]), points[5:] / np.linalg.norm(points[5:], axis=0)
+
+    def look(picture: int, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+        image, clamps = int(textures.image[picture]), textures.wrap_u[picture] == ir.Wrap.CLAMP
+        width, height, begin = int(images.width[image]), int(images.height[image]), int(images.first[image])
+        s, t = (np.clip(x, 0.0, 1.0 - 1e-9) if clamps else x % 1.0 for x in (s, 1.0 - t))
+        texels = images.texels[begin : begin + width * height].reshape(height, width, 4)
+        return texels[(t * height).astype(int) % height, (s * width).astype(int) % width].T.astype(np.float64)
+
+    results = np.array(evaluate.results(load_tape(tables, int(textures.tape[texture])), list(points), look))
+    levels = textures.gain[texture][:, None] * results + textures.bias[texture][:, None]
+    return tables.materials.values[row, slot][: len(results), None] * levels[: len(results)]
 
 
 @pytest.mark.parametrize("material", PATTERNED)

@@ -151,12 +151,12 @@ def _values(tables: ir.Tables, slot: ir.Slot) -> np.ndarray:
     points = np.random.default_rng(7).uniform(-1.0, 1.0, (8, 200))
     points[3:5], points[5:] = np.abs(points[3:5]), points[5:] / np.linalg.norm(points[5:], axis=0)
 
-    def look(picture: int, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def look(picture: int, s: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
         image, clamps = int(textures.image[picture]), textures.wrap_u[picture] == ir.Wrap.CLAMP
         width, height, begin = int(images.width[image]), int(images.height[image]), int(images.first[image])
         s, t = (np.clip(x, 0.0, 1.0 - 1e-9) if clamps else x % 1.0 for x in (s, 1.0 - t))
         texels = images.texels[begin : begin + width * height].reshape(height, width, 4)
-        return texels[(t * height).astype(int) % height, (s * width).astype(int) % width].T.astype(np.float64)
+        return [*texels[(t * height).astype(int) % height, (s * width).astype(int) % width].T.astype(np.float64)]
 
     results = np.array(evaluate.results(load_tape(tables, int(textures.tape[texture])), list(points), look))
     levels = textures.gain[texture][:, None] * results + textures.bias[texture][:, None]

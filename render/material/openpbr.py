@@ -152,7 +152,8 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
     has_slabs = ops.bool_like(zero, False) | (materials.model[surface.material] == OPENPBR)
     turned = tangent_frame.tangent_of(surface.tangent)
     coat_normal = tangent_frame.coat_of(surface.tangent)
-    tangent, across = tangent_frame.frame(turned, surface.normal)
+    anisotropy, turns = _share(tables, surface, ANISOTROPY), number_of(tables, surface, ROTATION)
+    tangent, across = tangent_frame.frame(turned, surface.normal, anisotropy > 0.0)
     weight = ops.maximum(number_of(tables, surface, BASE_WEIGHT), 0.0)
     color = ops.scale(ops.mul(color_of(tables, surface, DIFFUSE), surface.color), weight)
     color = ops.clip(color[0], 0.0, 1.0), ops.clip(color[1], 0.0, 1.0), ops.clip(color[2], 0.0, 1.0)
@@ -161,15 +162,15 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
     bend = bend_of(color[0], tint[0]), bend_of(color[1], tint[1]), bend_of(color[2], tint[2])
     coat = ops.where(has_slabs, _share(tables, surface, COAT), zero)
     ratio = ops.maximum(number_of(tables, surface, IOR), 1e-3)
-    anisotropy, turns = _share(tables, surface, ANISOTROPY), number_of(tables, surface, ROTATION)
     coat_facets, coat_ratio, coat_step = Facets(tangent, across, zero + 1.0, zero + 1.0, zero + 1.0), zero + 1.5, zero
     dark, log = (zero + 1.0, zero + 1.0, zero + 1.0), (zero, zero, zero)
     if ops.any_lane(coat > 0.0):
         coat_ratio, coat_rough = ops.maximum(number_of(tables, surface, COAT_IOR), 1.0), _share(tables, surface, COAT_ROUGHNESS)
         coat_step = step_of(coat_ratio, zero + 1.0)
-        coat_turns = number_of(tables, surface, COAT_ROTATION)
-        coat_along, coat_across = _coat_frame(coat_normal, (tangent, across), turned)
-        coat_facets = anisotropic_facets.facets(coat_along, coat_across, coat_turns, coat_rough, _share(tables, surface, COAT_ANISOTROPY))
+        coat_turns, coat_uneven = number_of(tables, surface, COAT_ROTATION), _share(tables, surface, COAT_ANISOTROPY)
+        plain = tangent_frame.frame(turned, surface.normal, coat_uneven > 0.0)
+        coat_along, coat_across = _coat_frame(coat_normal, plain, turned, coat_uneven > 0.0)
+        coat_facets = anisotropic_facets.facets(coat_along, coat_across, coat_turns, coat_rough, coat_uneven)
         r, g, b = _color(tables, surface, COAT_COLOR)
         log = 0.5 * ops.log(ops.maximum(r, 1e-4)), 0.5 * ops.log(ops.maximum(g, 1e-4)), 0.5 * ops.log(ops.maximum(b, 1e-4))
         dark = _darkening(materials.slabs.reflection, color, metal, rough, (coat_ratio, coat_step, coat_facets.alpha))
@@ -193,11 +194,11 @@ def _at(tables: Tables, surface: Surface) -> Slabs:
 
 
 @helper
-def _frame_of_coat(normal: Vec, plain: tuple[Vec, Vec], tangent: Any) -> tuple[Vec, Vec]:
-    return tangent_frame.frame(tangent, normal)
+def _frame_of_coat(normal: Vec, plain: tuple[Vec, Vec], tangent: Any, lined: Lane) -> tuple[Vec, Vec]:
+    return tangent_frame.frame(tangent, normal, lined)
 
 
-_coat_frame = specialize_if_present(_frame_of_coat)  # the coat's own normal, the base's (along, across), tangent
+_coat_frame = specialize_if_present(_frame_of_coat)  # the coat's own normal, (along, across) at the base's, tangent, where it counts
 
 
 @helper

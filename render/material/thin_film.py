@@ -136,7 +136,8 @@ def _film_lets_through(film: Film, plain: Any, slabs: Any, cosine: Lane, alpha: 
 
 @helper
 def _let_through(reflected: Lane, base: Lane, over: Lane, weight: Lane) -> Lane:
-    return ops.maximum(1.0 - ops.lerp(base, reflected, weight), 0.0) * over
+    """A channel of the share that passes; exactly 1 without a film, as in scenes without films."""
+    return ops.where(weight > 0.0, ops.maximum(1.0 - ops.lerp(base, reflected, weight), 0.0) * over, 1.0)
 
 
 reflected = specialize_if_present(_filmed)  # film, the reflectance without it, slabs, cosine, the metal's reflectance

@@ -90,14 +90,18 @@ def _coat_of_in_kernels(tangent):
 
 
 @helper
-def frame(tangent: Any, normal: Vec) -> tuple[Vec, Vec]:
-    """Unit vectors along a tangent and across it, at a right angle to a normal; without one (None) any."""
+def frame(tangent: Any, normal: Vec, lined: Lane) -> tuple[Vec, Vec]:
+    """Unit vectors along a tangent and across it, at a right angle to a normal; without one (None), and where not `lined`, any.
+
+    So a highlight without a direction is sampled alike in scenes with and without tangents.
+    """
+    plain = ops.basis(normal)
     if tangent is None:
-        return ops.basis(normal)
+        return plain
     flat = ops.sub(tangent, ops.scale(normal, ops.dot(tangent, normal)))
     size = ops.dot(flat, flat)
-    along = ops.where3(size > 1e-12, ops.scale(flat, 1.0 / ops.sqrt(ops.maximum(size, 1e-12))), ops.basis(normal)[0])
-    return along, ops.cross(normal, along)
+    along = ops.where3(lined & (size > 1e-12), ops.scale(flat, 1.0 / ops.sqrt(ops.maximum(size, 1e-12))), plain[0])
+    return along, ops.where3(lined, ops.cross(normal, along), plain[1])
 
 
 @separate_helper

@@ -41,6 +41,26 @@ def test_general_kernels_draw_the_same_picture(monkeypatch: pytest.MonkeyPatch, 
     assert np.array_equal(special, general)
 
 
+SLABS = (
+    "specular_roughness: 0.3", "base_metalness: 1, specular_roughness: 0.4, specular_rotation: 0.1", "coat_weight: 1, coat_roughness: 0.2",
+    "fuzz_weight: 0.8", "transmission_weight: 1, specular_roughness: 0.2", "subsurface_weight: 0.5, geometry_thin_walled: true",
+    "thin_film_weight: 0.7, thin_film_thickness: 0.4", "base_metalness: 1, specular_roughness: 0.4, specular_roughness_anisotropy: 0.7",
+    "coat_weight: 0.5, coat_roughness: 0.3, coat_roughness_anisotropy: 0.7", "normal_map: checker(#8080ff, #9080f0)",
+    "coat_weight: 1, geometry_coat_smooth: true, normal_map: checker(#8080ff, #9080f0)", "normal_map: flakes(5cm), base_metalness: 0.5",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("arguments", [pytest.param(each, marks=[pytest.mark.long] * (each != SLABS[0])) for each in SLABS])
+def test_slabs_of_any_parts_are_equal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: str) -> None:
+    """General kernels have all parts, of films, lines and coats among others, which a scene may lack."""
+    path = tmp_path / "a.scene"
+    path.write_text(
+        f"sphere(1, material: openpbr(#c06020, {arguments}))\nsky()\ncamera([0, 0.5, 4], look_at: [0, 0, 0])\nrender(bounces: 2)\n",
+        encoding="utf-8",
+    )
+    test_general_kernels_draw_the_same_picture(monkeypatch, path, "ray")
+
+
 def test_narrow_lobes_without_photons(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """General kernels split narrow lobes from their diffuse base only where photons light it."""
     path = tmp_path / "a.scene"

@@ -107,7 +107,7 @@ def leaning(lean, **arguments):
     """(point, shader) of a coat that leans by an angle from its base."""
     point, shader = point_of(given(coat_weight=1, **arguments))
     normal = towards(lean)
-    along, across = tangent_frame.frame(None, lanes(normal, shader.slabs.coat))
+    along, across = tangent_frame.frame(None, lanes(normal, shader.slabs.coat), True)
     facets = shader.slabs.coat_facets
     moved = anisotropic_facets.Facets(along, across, facets.first, facets.second, facets.alpha)
     part = shader.slabs._replace(coat_normal=lanes(normal, shader.slabs.coat), coat_facets=moved)

@@ -80,7 +80,7 @@ def apply(evaluator: Evaluator, function: Value, givens: list[ArgumentValue], si
         file = ArgumentValue("file", site.callee, function.file, site.callee)
         return make_element(evaluator, function.entry, [file, *givens], site)
     if category(function) == "texture":
-        return texture_calls.call(function, givens, site.scope)
+        return texture_calls.call(function, givens, site.scope, site.label)
     is_made = isinstance(function, Element) and is_placeable(function)
     hint = f"it is an element already: write transform(…) {{ {site.label} }}" if is_made else ""
     raise Mistake(f"only functions and parts are called, not {describe(function)}", hint, span=site.callee)

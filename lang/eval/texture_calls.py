@@ -9,24 +9,21 @@ from .context import ArgumentValue, Scope
 from .values import POISON, Color, Mistake, Poisoned, Value, describe
 
 
-def call(texture: Element, givens: list[ArgumentValue], scope: Scope) -> Value:
-    """The colour, or the number, of a texture at coordinates of a formula. Raises Mistake."""
+def call(texture: Element, givens: list[ArgumentValue], scope: Scope, label: str) -> Value:
+    """The colour, or the number, of a texture at coordinates of a formula. `label` is the callee as written. Raises Mistake."""
     if texture.kind not in ("image", "pattern"):
         raise Mistake(f"a formula has no values of {describe(texture)}", "image(…)(u, v) and pattern(…)(x, y, z) have values there")
+    fix = f"write {label if label.isidentifier() else f'{texture.kind}(…)'}({_coordinates(texture)})"
     for given in givens:
         if given.value is POISON:
             raise Poisoned
         if given.name is not None:
-            raise Mistake(
-                "coordinates of a texture have no names", f"write {texture.kind}(…)({_coordinates(texture)})", span=given.name_span
-            )
+            raise Mistake("coordinates of a texture have no names", fix, span=given.name_span)
         if not operators.is_scalar(given.value):
             raise Mistake(f"expected number, got {describe(given.value)}", span=given.span)
     count = len(_coordinates(texture).split())
     if len(givens) != count:
-        raise Mistake(
-            f"this {texture.kind} takes {count} coordinates, got {len(givens)}", f"write {texture.kind}(…)({_coordinates(texture)})"
-        )
+        raise Mistake(f"this {texture.kind} takes {count} coordinates, got {len(givens)}", fix)
     graph = operators.graph_of(scope, *[given.value for given in givens])
     if graph is None:
         raise Mistake(f"{describe(texture)} has values inside of a pattern alone", "write pattern(|x, y, z, u, v| …) around it")

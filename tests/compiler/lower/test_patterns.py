@@ -198,6 +198,11 @@ def test_other_formulas_refuse_what_patterns_alone_have(errors: Callable[[str], 
     assert errors(item) == [message]
 
 
+def test_the_fix_has_the_name_of_the_picture(errors: Callable[[str], list[str]]) -> None:
+    text = 'let wood = image("p.exr")\nsphere(1, material: lambert(pattern(|u, v| wood(u))))'
+    assert errors(text) == ["this image takes 2 coordinates, got 1 (write wood(u, v))"]
+
+
 def test_a_graph_of_too_many_operations_is_refused(errors: Callable[[str], list[str]]) -> None:
     text = "sphere(1, material: lambert(pattern(|u, v| fold(|sum, k| sum + perlin(k * u, v), 0, 1..2000))))"
     assert errors(text) == ["the graph has more than 2040 operations"]

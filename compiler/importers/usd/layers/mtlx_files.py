@@ -243,7 +243,8 @@ class _Document:
                 if types == ("string", "integer") and (number := _enumerated(defined, port.getValueString())) is not None:
                     shader.CreateInput(Tf.MakeValidIdentifier(port.getName()), Sdf.ValueTypeNames.Int).Set(number)
                 elif types[0] != types[1]:
-                    self.warn(f"the input `{port.getName()}` of `{node.getName()}` is a {types[0]}, not a {types[1]}: it takes its default")
+                    place = f"the input `{port.getName()}` of `{node.getName()}`"
+                    self.warn(f"{place} has the type {types[0]}, not {types[1]}: it takes its default")
                 else:
                     self._input(shader, port, scope, scope_path)
             if node.getCategory() == "UsdUVTexture":

@@ -155,8 +155,8 @@ def test_an_integer_may_have_its_name(tmp_path, mode, passes):
     text = f'<UsdPreviewSurface name="a" type="surfaceshader">{inputs}</UsdPreviewSurface>' + ONE.format("M", "a")
     (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text}</materialx>')
     tables, messages = opened(tmp_path / "m.mtlx")
-    told = ["the input `opacityMode` of `a` is a string, not a integer: it takes its default"] if mode == "glassy" else []
-    assert messages == told
+    warnings = ["the input `opacityMode` of `a` has the type string, not integer: it takes its default"] if mode == "glassy" else []
+    assert messages == warnings
     plain, _ = opened(_with_mode(tmp_path, int(passes)))
     assert np.array_equal(tables.materials.values, plain.materials.values)
 
@@ -209,9 +209,9 @@ def test_inputs_without_effect_are_not_told(tmp_path):
         <input name="realworldimagesize" type="vector2" value="{0}"/></tiledimage>
         <standard_surface name="a" type="surfaceshader"><input name="base_color" type="color3" nodename="i"/>
         <input name="specular" type="float" value="0"/><input name="specular_IOR" type="float" value="0"/></standard_surface>"""
-    for size, told in (("1, 1", []), ("2, 1", ["the input `realworldimagesize` of ND_tiledimage_color3 is not drawn"])):
+    for size, warnings in (("1, 1", []), ("2, 1", ["the input `realworldimagesize` of ND_tiledimage_color3 is not drawn"])):
         (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text.format(size)}{ONE.format("M", "a")}</materialx>')
-        assert opened(tmp_path / "m.mtlx")[1] == told
+        assert opened(tmp_path / "m.mtlx")[1] == warnings
 
 
 @pytest.mark.parametrize(
@@ -233,9 +233,9 @@ def test_textures_of_usd_repeat_as_materialx_says(tmp_path, inputs, wrap):
 def test_light_below_a_coloured_coat_is_told(tmp_path):
     text = """<standard_surface name="a" type="surfaceshader"><input name="emission" type="float" value="1"/>
         <input name="coat" type="float" value="{0}"/><input name="coat_color" type="color3" value="1, 0.5, 0.5"/></standard_surface>"""
-    for coat, told in ((0, []), (1, ["light that is emitted below a coat is drawn without the colour of the coat"])):
+    for coat, warnings in ((0, []), (1, ["light that is emitted below a coat is drawn without the colour of the coat"])):
         (tmp_path / "m.mtlx").write_text(f'<materialx version="1.39">{text.format(coat)}{ONE.format("M", "a")}</materialx>')
-        assert opened(tmp_path / "m.mtlx")[1] == told
+        assert opened(tmp_path / "m.mtlx")[1] == warnings
 
 
 GRAPHS = """<materialx version="1.39">

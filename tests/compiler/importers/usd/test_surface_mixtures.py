@@ -184,7 +184,7 @@ WRONG = {  # a document, and a part of its warning
         '<nodedef name="ND_my" node="my"><output name="out" type="color3"/></nodedef><nodegraph name="NG_my" nodedef="ND_my">'
         '<my name="i" type="color3"/><output name="out" type="color3" nodename="i"/></nodegraph><my name="w" type="color3"/>'
         + SURFACE.format(COLOR.format("w")), "more than 120 nodes feed each other"),
-    "a text as a colour": (SURFACE.format('<input name="base_color" type="string" value="red"/>'), "is a string, not a color3"),
+    "a text as a colour": (SURFACE.format('<input name="base_color" type="string" value="red"/>'), "has the type string, not color3"),
     "a matrix as a colour": (
         '<constant name="a" type="matrix33"><input name="value" type="matrix33" value="1,0,0,0,1,0,0,0,1"/></constant>'
         + SURFACE.format(COLOR.format("a")), "gives a matrix33, where a color3 is wanted"),

@@ -200,21 +200,25 @@ def _of_pattern(op: str, parts: tuple[Value, ...], scope: Scope) -> Value:
     return graph.apply(op, *[operators.lift(graph, part) for part in parts])
 
 
-@define("perlin x y z?", "MaterialX's gradient noise of two or three numbers, about -1..1, in patterns")
-def _perlin(scope: Scope, *parts: Value) -> Value:
-    return _of_pattern("perlin", parts, scope)
+def _noise_of_pattern(name: str, parameters: str, doc: str, color_parameters: str, color_doc: str) -> None:
+    """Define a noise of one number, and `name_color` of three."""
+
+    @define(f"{name} {parameters}", doc)
+    def number(scope: Scope, *parts: Value, **named: Value) -> Value:
+        if named:
+            raise Mistake(f"{name} has no y here", f"write {name}(x, y, z)")
+        return _of_pattern(name, parts, scope)
+
+    @define(f"{name}_color {color_parameters}", color_doc)
+    def color(scope: Scope, *parts: Value) -> Value:
+        return Color(*[_of_pattern(f"{name}_{channel}", parts, scope) for channel in "rgb"])
 
 
-@define("perlin_color x y z?", "a colour of three gradient noises, as MaterialX's noise2d and noise3d of three numbers, in patterns")
-def _perlin_color(scope: Scope, *parts: Value) -> Value:
-    return Color(*[_of_pattern(f"perlin_{channel}", parts, scope) for channel in "rgb"])
-
-
-@define("cellnoise x y? z?", "MaterialX's random number 0..1 of the cell with whole sides that contains the point, in patterns")
-def _cellnoise(scope: Scope, *parts: Value) -> Value:
-    return _of_pattern("cellnoise", parts, scope)
-
-
-@define("cellnoise_color x y z", "a colour of three random numbers of the cell that contains the point, in patterns")
-def _cellnoise_color(scope: Scope, *parts: Value) -> Value:
-    return Color(*[_of_pattern(f"cellnoise_{channel}", parts, scope) for channel in "rgb"])
+_noise_of_pattern(
+    "perlin", "x y z?", "MaterialX's gradient noise of two or three numbers, about -1..1, in patterns",
+    "x y z?", "a colour of three gradient noises, as MaterialX's noise2d and noise3d of three numbers, in patterns",
+)  # fmt: skip
+_noise_of_pattern(
+    "cellnoise", "x y? z?", "MaterialX's random number 0..1 of the cell with whole sides that contains the point, in patterns",
+    "x y z", "a colour of three random numbers of the cell that contains the point, in patterns",
+)  # fmt: skip

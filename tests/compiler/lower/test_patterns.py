@@ -168,6 +168,7 @@ def test_values_outside_of_formulas_are_refused_before_and_after(errors: Callabl
             "the texture `pattern` has values inside of a pattern alone (write pattern(|x, y, z, u, v| …) around it)",
         ),
         ("lambert(perlin(0.5, 0.5))", "perlin has values inside of a pattern alone (noise(x, y, z, seed) has them everywhere)"),
+        ("lambert(pattern(|u, v| cellnoise(u, z: v)))", "cellnoise has no y here (write cellnoise(x, y, z))"),
         ('lambert(pattern(|u, v| image("none.png")(u, v)))', "there is no picture `none.png` (looked in {folder})"),
     ],
 )
